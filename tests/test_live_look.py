@@ -15,6 +15,7 @@ from browsing import WEBGL, chromium, visit
 from vffnull.errors import InputError
 from vffnull.evaluation.geometry.arm import rotation
 from vffnull.live.memory import KEPT, Memory
+from vffnull.live.pictures import side_by_side
 from vffnull.live.stories import STORIES
 from waiting import frames, obey, wait_for
 
@@ -297,3 +298,38 @@ def test_few_kinds_of_shaders_delay_the_first_picture(name: str) -> None:
     finally:
         page.stop()
     assert 1 <= kinds <= 2
+
+
+# ------------------------------------------------------------------------------------- what cameras have seen
+
+
+def test_pictures_of_cameras_stand_above_the_plots(page: Any) -> None:
+    """Of the same depths as the law's, the arm in them; the points that are made of them lie beside it. They
+    are gone with the scene.
+    """
+    pictures = page._plots.pictures
+    page.open(vff.Scenario.load("panda-watched"))
+    wait_for(lambda: pictures._image.visible and page.snapshot()["t"] > 1.0)
+    depths = page._live.pictures()
+    assert [each.shape for each in depths] == [(72, 96)] * 2
+    assert all(np.ptp(each[each > 0.0]) > 0.5 for each in depths)
+    rows, columns, colours = pictures._image.image.shape
+    assert columns >= 640 and rows < columns and colours == 3
+    state = page.snapshot()
+    assert state["sensed"].shape[1] == 3 and np.all(np.isfinite(state["sensed"]))
+    wait_for(lambda: len(page._scene._sensed._cloud.points) > 10)
+    page.open(vff.Scenario.load("panda-sweep"))
+    assert not pictures._image.visible and page._live.pictures() == []
+    assert page.snapshot()["sensed"].shape == (0, 3)
+
+
+def test_near_is_bright_and_what_is_not_measured_is_dark() -> None:
+    depths = np.array([[0.5, 2.0], [0.0, 1.0]], np.float32)
+    drawn = side_by_side([depths, depths[:1]], 2.0)
+    scale = drawn.shape[1] // 6
+    of = drawn[scale // 2 :: scale, scale // 2 :: scale].astype(int)
+    assert of.shape == (2, 6, 3)
+    brightness = of.sum(axis=2)
+    assert brightness[0, 0] > brightness[1, 1] > brightness[0, 1] > brightness[1, 0]
+    assert np.array_equal(of[:1, 4:], of[:1, :2]) and np.array_equal(of[1, 4], of[1, 0])
+    assert np.array_equal(of[0, 2], of[1, 0])  # the gap

@@ -989,6 +989,8 @@ class LiveState(TypedDict):
     """Through the ports that `PORTS` names [W]."""
     obstacles: _Array
     """Positions, (k, D) [m]."""
+    sensed: _Array
+    """What sensors have measured of them, (s, D) [m]."""
     turns: _Array
     """How the obstacles are turned since the start, (k, D, D)."""
     points: _Array
@@ -1071,6 +1073,10 @@ class Live:
     def take(self) -> tuple[dict[str, Any] | None, int]:
         """The rows recorded since the last call, as arrays; None if nothing is recorded. And how many were
         lost since the recording began, because nobody took them within ten seconds.
+        """
+    def pictures(self) -> list[NDArray[np.float32]]:
+        """The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
+        measured; none without such cameras.
         """
     def snapshot(self) -> LiveState:
         """The present instant."""

@@ -5,7 +5,7 @@ use crate::convert::{self, array2, keywords, named_document, read_vector};
 use crate::errors::{self, InputError};
 use crate::run::{arrays, measured, prepared};
 use crate::watch::interruptible;
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +17,7 @@ use vff_core::runtime::live::{self, LoopStats, State};
 use vff_core::runtime::points::make;
 use vff_core::runtime::{ActingPull, ActingWrench, PointsError};
 use vff_core::scenario::Scenario;
-use vff_core::simulation::{Metric, RecordTooLarge, ReplanCounts, Value};
+use vff_core::simulation::{DepthPicture, Metric, RecordTooLarge, ReplanCounts, Value};
 
 /// A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
 ///
@@ -85,6 +85,8 @@ struct Shown {
     /// What a link is pulled with, if it is.
     pulled: Option<ActingPull>,
     obstacles: Vec<f64>,
+    /// What sensors have measured, without what they have not.
+    sensed: Vec<f64>,
     turns: Vec<f64>,
     t: f64,
     q_plan: Option<Vec<f64>>,
@@ -101,6 +103,11 @@ impl Shown {
         let s = live.snapshot();
         let mut obstacles = vec![];
         s.obstacles.append_to(&mut obstacles);
+        let mut sensed = vec![];
+        if let Some(readings) = s.sensed {
+            readings.append_to(&mut sensed);
+            sensed.retain(|coordinate| !coordinate.is_nan());
+        }
         Self {
             state: live.state().clone(),
             stats: live.stats(),
@@ -113,6 +120,7 @@ impl Shown {
             pushed,
             pulled: live.pulled(),
             obstacles,
+            sensed,
             turns,
             t: s.t,
             q_plan: s.q_plan.map(<[f64]>::to_vec),
@@ -164,6 +172,7 @@ impl Shown {
             ("pull_force", pulled_with),
             ("pull_anchor", anchor),
             ("obstacles", self.obstacles),
+            ("sensed", self.sensed),
         ];
         for (name, values) in tables {
             let shape = [values.len() / self.dimension, self.dimension];
@@ -343,6 +352,17 @@ impl Live {
     #[getter]
     fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.with(py, |live| live.notes.clone())
+    }
+
+    /// The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
+    /// measured; none without such cameras.
+    fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let pictures = self.with(py, |live| live.pictures())?;
+        let array = |DepthPicture { columns, depths }| {
+            let shape = [depths.len() / columns, columns];
+            PyArray1::from_vec(py, depths).reshape(shape)
+        };
+        pictures.into_iter().map(array).collect()
     }
 
     /// The present instant.

@@ -574,6 +574,7 @@ class LivePage:
                     read_at = now
                     self._panel.read({**state, **self._scene.readings(), "found": self._found(state)})
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
+                    self._plots.pictures.show(self._live.pictures())
                     self._drain()
             self.drawn += 1
             self.frame_rate = self._rate.count(now)

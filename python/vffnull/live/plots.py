@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from vffnull._core import matrices
+from vffnull.live.pictures import Pictures
 
 WINDOW = 12.0
 """What is shown [s]."""
@@ -33,11 +34,12 @@ CURVES = (
 
 
 class Plots:
-    """The plots, in the present container of the page."""
+    """The plots, in the present container of the page, below the pictures of cameras where there are some."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=int(WINDOW / INTERVAL))
         self._due = 0.0
+        self.pictures = Pictures(server)
         self._handles = [self._add(server, *curve) for curve in CURVES]
 
     def clear(self, turns: bool) -> None:
@@ -47,6 +49,7 @@ class Plots:
             handle.height = 155 if turns else 205
         self._rows.clear()
         self._due = 0.0
+        self.pictures.clear()
 
     def add(self, state: Mapping[str, Any]) -> None:
         """Take a state in, and show it when it is time to."""

@@ -10,7 +10,7 @@ use crate::control::Settings;
 use crate::math::UnitQuaternion;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
-use crate::simulation::{Metric, Metrics, Record, RecordTooLarge, Snapshot, Value};
+use crate::simulation::{DepthPicture, Metric, Metrics, Record, RecordTooLarge, Snapshot, Value};
 use crate::world::space::Points;
 use std::mem;
 use std::sync::atomic::AtomicBool;
@@ -208,6 +208,11 @@ impl Live {
     /// [`ErasedRun::wrenches`](crate::runtime::ErasedRun::wrenches).
     pub fn wrenches(&self) -> Vec<ActingWrench> {
         self.run.wrenches()
+    }
+
+    /// [`ErasedRun::pictures`](crate::runtime::ErasedRun::pictures).
+    pub fn pictures(&self) -> Vec<DepthPicture> {
+        self.run.pictures()
     }
 
     /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.

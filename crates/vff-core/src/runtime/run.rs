@@ -7,7 +7,7 @@ use crate::control::{Gains, Settings};
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Limits, Model};
 use crate::scenario::{self, FromDocument, Problem, ScenarioError};
-use crate::simulation::{Acting, MAX_WRENCHES, Outcome, Run, Snapshot, System};
+use crate::simulation::{Acting, DepthPicture, MAX_WRENCHES, Outcome, Run, Snapshot, System};
 use crate::world::space::{self, Points};
 use crate::world::{Rotation, Turning};
 use nalgebra::SVector;
@@ -192,6 +192,9 @@ pub trait ErasedRun: Debug + Send + Any {
 
     /// [`ClosedLoop::make_touchable`](crate::simulation::ClosedLoop::make_touchable).
     fn make_touchable(&mut self);
+
+    /// [`ClosedLoop::pictures`](crate::simulation::ClosedLoop::pictures).
+    fn pictures(&self) -> Vec<DepthPicture>;
 
     /// Every wrench that acts now.
     fn wrenches(&self) -> Vec<ActingWrench>;
@@ -390,6 +393,10 @@ where
 
     fn make_touchable(&mut self) {
         self.closed_loop_mut().make_touchable();
+    }
+
+    fn pictures(&self) -> Vec<DepthPicture> {
+        self.closed_loop().pictures()
     }
 
     fn wrenches(&self) -> Vec<ActingWrench> {

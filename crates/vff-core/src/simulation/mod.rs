@@ -32,7 +32,7 @@ pub use measurement::{Measurement, MeasurementSettings};
 pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
 pub use perception::{
-    Camera, Kind as PerceptionKind, MAX_READINGS, MAX_STEPS, Perceive, Perception,
+    Camera, DepthPicture, Kind as PerceptionKind, MAX_READINGS, MAX_STEPS, Perceive, Perception,
     PerceptionSettings, SpatialPerception,
 };
 pub use plane::{PlanarSystem, Plane};

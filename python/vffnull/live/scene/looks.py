@@ -29,6 +29,8 @@ OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
 )  # fmt: skip
 UNSEEN = (140, 146, 172)
 """The colour of an obstacle that the controller does not know of."""
+SENSED = (0, 114, 178)
+"""The colour of what sensors have measured."""
 WRENCH = (204, 121, 167)
 """The colour of what pushes from outside."""
 PALE: Mapping[Which, Colour] = {"ghost": GHOST, "plan": TARGET}

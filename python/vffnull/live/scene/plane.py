@@ -24,6 +24,7 @@ from vffnull.live.scene.looks import (
     Which,
 )
 from vffnull.live.scene.meshes import Mesh, plate
+from vffnull.live.scene.sensed import Sensed
 from vffnull.live.scene.shared import Scene
 from vffnull.model.scenario import Scenario
 
@@ -66,6 +67,7 @@ class PlaneScene(Scene):
         self._memory: deque[tuple[Array, Array]] = deque(maxlen=MEMORY)
         self._joints: Array = np.zeros((0, 2))
         super().__init__(*arguments, **options)
+        self._sensed = Sensed(self._server, self.reach)
 
     def camera(self, box: tuple[float, ...], aspect: float) -> Camera:
         """From above."""
@@ -182,6 +184,10 @@ class PlaneScene(Scene):
 
     def _spot(self, place: Array, layer: str) -> Array:
         return np.array([*place, self._at(layer)])
+
+    def _draw_more(self, state: Mapping[str, Any]) -> None:
+        places = [self._spot(place, "obstacle") for place in state["sensed"]]
+        self._sensed.draw(np.array(places).reshape(-1, 3))
 
     def _core_of(self, obstacle: Mapping[str, Any]) -> Core:
         return geometry.core(obstacle["shape"], obstacle.get("angle", 0.0))

@@ -29,6 +29,7 @@ from vffnull.live.scene.looks import (
     Which,
 )
 from vffnull.live.scene.meshes import Mesh, solid, turned
+from vffnull.live.scene.sensed import Sensed
 from vffnull.live.scene.shared import Scene
 from vffnull.model.arm import frame
 from vffnull.model.scenario import Scenario
@@ -94,6 +95,7 @@ class SpaceScene(Scene):
             "/distance", "", anchor="bottom-center", font_screen_scale=0.9, visible=False
         )
         self._told = np.inf
+        self._sensed = Sensed(server, self.reach)
 
     # --------------------------------------------------------------------------------------------- cameras
 
@@ -306,6 +308,7 @@ class SpaceScene(Scene):
         if self._cup is not None:
             self._cup.follow(hand[:3, :3])
         self._draw_distances(state)
+        self._sensed.draw(state["sensed"])
 
     def _draw_distances(self, state: Mapping[str, Any]) -> None:
         """A line from the nearest point of each link that is within influence, and of the nearest of all.

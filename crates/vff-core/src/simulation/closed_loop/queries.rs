@@ -1,6 +1,7 @@
 //! What can be asked of a closed loop at its present instant.
 
 use super::*;
+use crate::simulation::DepthPicture;
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// Calls `visit` with the nearest points of every body and every obstacle as they are now.
@@ -88,6 +89,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// The obstacles.
     pub fn world(&self) -> &World<S::Geometry, D> {
         &self.stack.world
+    }
+
+    /// The pictures of depth cameras that arrived last. Allocates.
+    pub fn pictures(&self) -> Vec<DepthPicture> {
+        self.perception.as_ref().map_or_else(Vec::new, Perceive::pictures)
     }
 
     /// Whether the controller knows all obstacles.

@@ -2,7 +2,7 @@
 //! depth (T188, T189) take pictures with the arm in them, and a [`Perceiver`] makes the cloud of these.
 
 use super::PerceptionSettings;
-use super::picture::{Errors, Eye, Hit};
+use super::picture::{DepthPicture, Errors, Eye, Hit};
 use crate::math::{Noise, Vector};
 use crate::perception::{Depth, Perceiver, PerceiverSettings, PerceptionError};
 use crate::robot::{Robot, SpatialState};
@@ -134,6 +134,17 @@ impl DepthCameras {
             is_new: false,
             is_pending: false,
         })
+    }
+
+    /// The pictures that arrived last.
+    pub(super) fn pictures(&self) -> Vec<DepthPicture> {
+        let mut begin = self.row(self.step.saturating_sub(self.late));
+        let pictures = self.eyes.iter().map(|eye| {
+            let depths = self.pictures[begin..begin + eye.pixels()].to_vec();
+            begin += eye.pixels();
+            DepthPicture { columns: eye.columns(), depths }
+        });
+        pictures.collect()
     }
 
     /// What the law is to take for the world.

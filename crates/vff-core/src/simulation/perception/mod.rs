@@ -11,6 +11,7 @@ mod scans;
 mod settings;
 mod space;
 
+pub use picture::DepthPicture;
 pub use plane::Perception;
 pub use scans::{MAX_READINGS, MAX_STEPS};
 pub use settings::{Camera, Kind, PerceptionSettings};
@@ -48,6 +49,11 @@ pub trait Perceive<R, S: ObstacleGeometry<D>, const D: usize>:
     fn advance(&mut self, robot: &R, world: &world::World<S, D>);
     /// Takes the last step back.
     fn undo(&mut self);
+
+    /// The pictures that arrived last, one of each depth camera. Allocates.
+    fn pictures(&self) -> Vec<DepthPicture> {
+        vec![]
+    }
 
     /// What the law takes for the world, if that is one; these readings themselves otherwise.
     ///

@@ -16,6 +16,39 @@ use std::ops::Range;
 /// whose focal lengths are about 600 pixels, however coarse the simulated picture is.
 const BESIDE: f64 = 1.0 / 600.0;
 
+/// What a depth camera has measured.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::live::Live;
+/// use vff_core::scenario::Scenario;
+/// use vff_core::simulation::DepthPicture;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let live = Live::new(&Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+///     arm = { model = "panda" }
+///     reference = { kind = "setpoint" }
+///     perception.kind = "depth"
+///     perception.rate = 30.0
+///     perception.cameras = [{ position = [1.8, 0.0, 0.6], orientation = [0.5, -0.5, -0.5, 0.5] }]
+///     "#,
+/// )?)?;
+/// let DepthPicture { columns, depths } = &live.pictures()[0];
+/// assert!(depths.len() % columns == 0 && depths.iter().any(|depth| *depth > 0.5));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct DepthPicture {
+    /// Pixels side by side.
+    pub columns: usize,
+    /// Row by row \[m\]; 0 where nothing was measured.
+    pub depths: Vec<f32>,
+}
+
 /// A camera as it really stands.
 #[derive(Debug, Clone)]
 pub(super) struct Eye {
@@ -111,6 +144,10 @@ impl Eye {
             columns: camera.columns,
             rows: camera.rows,
         }
+    }
+
+    pub(super) fn columns(&self) -> usize {
+        self.columns
     }
 
     pub(super) fn pixels(&self) -> usize {

@@ -2,7 +2,7 @@
 
 use super::depth::DepthCameras;
 use super::scans::{Ray, Scans};
-use super::{Kind, Perceive, PerceptionSettings};
+use super::{DepthPicture, Kind, Perceive, PerceptionSettings};
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
@@ -191,6 +191,10 @@ impl Perceive<SpatialState, SpatialGeometry, 3> for SpatialPerception {
             Some(depth) => depth.undo(),
             None => self.scans.undo(),
         }
+    }
+
+    fn pictures(&self) -> Vec<DepthPicture> {
+        self.depth.as_ref().map_or_else(Vec::new, |cameras| cameras.pictures())
     }
 
     fn believed(&mut self) -> Result<&mut World, &mut Self> {
