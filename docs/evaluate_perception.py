@@ -127,11 +127,13 @@ everything is known, which are {collisions:+.1f}, and at most 5 points fewer han
 {held:+.1f}.
 {verdict}
 
-What is lost is the hand, not the links' safety: without any error fewer hands are held than where everything
-is known. Bodies in the cloud are thicker than they are, by half a diagonal of a cell and by what they may hide,
-and the law keeps 1 cm more, in scenes that leave the hand 6 cm. Errors cost little on top. In 14 scenes of
-training seeds without any error, 9 hands were held where everything is known; 9 with pictures and 1 collision
-if nothing is reckoned with behind what is seen and the law keeps 2.5 cm; 7 and 1 with both.
+What is lost is the hand: without any error fewer are held than where everything is known. Bodies in the
+cloud are thicker than they are, by half a diagonal of a cell and by what they may hide, and the law keeps
+1 cm more, in scenes that leave the hand 6 cm. Of errors alone none costs more than the intervals. Without
+what may be hidden and with a margin of 1 cm, pictures without errors had 20.0 [10.5, 34.8] collisions and
+60.7 [42.4, 76.4] hands held in 40 other crowds, where 2.5 and 78.6 are those of a law that knows everything.
+In 14 of training seeds 9 hands were held where everything is known, 9 with pictures if nothing is reckoned
+with behind what is seen and the law keeps 2.5 cm, and 7 with it; each of both had 1 collision.
 """
 HEAD = "| the law knows | collisions | held | back |\n|---|--:|--:|--:|"
 
