@@ -126,6 +126,14 @@ Aims, set before anything was measured: with all errors at most 3 points more co
 everything is known, which are {collisions:+.1f}, and at most 5 points fewer hands held, which are
 {held:+.1f}.
 {verdict}
+
+What is lost is the hand: without any error fewer are held than where everything is known. Bodies in the
+cloud are thicker than they are, by half a diagonal of a cell and by what they may hide, and the law keeps
+1 cm more, in scenes that leave the hand 6 cm. Of errors alone none costs more than the intervals. Without
+what may be hidden and with a margin of 1 cm, pictures without errors had 20.0 [10.5, 34.8] collisions and
+60.7 [42.4, 76.4] hands held in 40 other crowds, where 2.5 and 78.6 are those of a law that knows everything.
+In 14 of training seeds 9 hands were held where everything is known, 9 with pictures if nothing is reckoned
+with behind what is seen and the law keeps 2.5 cm, and 7 with it; each of both had 1 collision.
 """
 HEAD = "| the law knows | collisions | held | back |\n|---|--:|--:|--:|"
 
