@@ -15,18 +15,19 @@ __all__ = ["known", "nearest", "written"]
 
 @cache
 def known(space: bool = True) -> tuple[str, ...]:
-    """Every key of the schema, in space too or not; keys of obstacles as ``obstacles.0.position``."""
+    """Every key of the schema, in space too or not; keys in a list as ``obstacles.0.position``."""
     schema = _core.schema()
     if not space:
         schema = schema.partition("\n# Arms in space\n")[0]
     found: dict[str, list[str]] = {"": []}
     table, rows = "", False
     for line in schema.splitlines():
-        if heading := re.match(r"##+ (?:\[+([\w.]+)\]+|(.*))", line):
-            if heading[1]:
-                table = re.sub(r"^(obstacles|wrenches)", r"\1.0", heading[1])
+        if heading := re.match(r"##+ (?:\[(\[?)([\w.]+)\]+|(.*))", line):
+            if heading[2]:
+                table = re.sub(r"^(obstacles|wrenches)(?=\.)", r"\1.0", heading[2])
+                table += ".0" if heading[1] else ""
                 found.setdefault(table, [])
-            elif heading[2].startswith("kind ="):
+            elif heading[3].startswith("kind ="):
                 found[table].append("kind")
             rows = False
         elif same := re.search(r"Keys as in `\[([\w.]+)\]`", line):
