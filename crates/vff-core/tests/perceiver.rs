@@ -510,7 +510,12 @@ fn what_is_hidden_goes_on_for_a_while() {
 fn a_ball_has_another_side() {
     let lowest = |hidden: f64, radius: f64| {
         let eye = camera(2);
-        let settings = PerceiverSettings { stride: 1, hidden, ..PerceiverSettings::default() };
+        let settings = PerceiverSettings {
+            stride: 1,
+            most_voxels: 20_000,
+            hidden,
+            ..PerceiverSettings::default()
+        };
         let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
         let thing = ball([0.4, 0.1, 0.5], radius);
         show(&mut perceiver, &eye, 0.0, &[thing]);
