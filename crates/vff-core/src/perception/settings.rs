@@ -18,7 +18,7 @@ settings! {
         room: [[f64; 3]; 2] = [[-1.0, -1.0, -0.2], [1.0, 1.0, 1.4]], "m";
         /// The side of a cell.
         voxel: f64 = 0.02, "m", POSITIVE;
-        /// Cells that are remembered at most: points of the cloud, up to 50 000.
+        /// Cells that are remembered at most: points of the cloud, up to 50 000, or half as many with `hidden`.
         most_voxels: usize = 40_000, "", AT_LEAST_ONE;
         /// Every how manieth row and column of a picture is looked at.
         stride: usize = 2, "", AT_LEAST_ONE;

@@ -2,10 +2,12 @@
 
 use super::Scenario;
 use super::scene::{FromDocument, ObstacleOf, Scene};
-use crate::control::Settings;
+use crate::control::{Avoidance, Settings};
 use crate::math::Vector;
 use crate::robot::Model;
-use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System, Wrench};
+use crate::simulation::{
+    ClosedLoop, Control, MeasurementSettings, PerceptionKind, Snapshot, System, Wrench,
+};
 use crate::world::{Description, World, top_speed};
 
 impl Scenario {
@@ -57,6 +59,18 @@ impl Scenario {
             warnings.push(format!(
                 "duration: {} s is no multiple of simulation.dt = {} s; the run ends at {end} s",
                 self.duration, self.simulation.dt
+            ));
+        }
+        let margin = self.controller.yielding.margin;
+        let keeps = matches!(self.controller.avoidance, Avoidance::Priority | Avoidance::Cbf);
+        if let Some(given) = self.perception.as_ref().filter(|it| it.kind == PerceptionKind::Depth)
+            && keeps
+            && margin < given.perceiver.margin
+        {
+            warnings.push(format!(
+                "controller.yielding.margin: {margin} m is less than perception.perceiver.margin = {} m, by which \
+                 the arm is cut away: what comes nearer than that is not seen, and counts as far enough away",
+                given.perceiver.margin
             ));
         }
         let delays = self.measurement.iter().flat_map(|given| given.delay.values());
