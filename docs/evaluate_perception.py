@@ -113,9 +113,9 @@ The perceiver cuts away 2 cm around the arm, 3 cm with noise or a wrong calibrat
 as far as they go in 20 ms with wrong clocks; bodies up to 30 cm wide are taken for as deep as they are wide
 (T191). Every point of a cloud pushes: the field has 5 N there instead of 100. What is cut away as the arm
 comes no nearer than that in the cloud, so that the law keeps 3 cm instead of 2: with 1 cm it takes what comes
-slowly for far enough away, until that touches. These numbers were settled on training seeds; margin and depth
-of bodies after a first run on ten evaluation seeds had shown 20 % of collisions without them, and was
-stopped. The tables are of ten others.
+slowly for far enough away, until that touches. These numbers were settled on training seeds: margin and
+depth of bodies after a first run on ten evaluation seeds, which was stopped as it showed 20 % of collisions
+without them. The tables are of ten others.
 
 **Collision**: an overlap of more than 1 mm, in all scenes. **Held**: no collision, and the tip within 1 cm
 of its reference and turned from it by 0.05 rad at most throughout, in scenes in which a motion that knows
