@@ -50,9 +50,9 @@ fn fault(error: &PerceptionError) -> PyErr {
 ///     are added to times of pictures; ``latest_state``: one of the arm is known within 0.05 s;
 ///     ``depth_error``: 0.005 m at 1 m; ``hidden``, 0 m: bodies up to this wide are taken for as deep as
 ///     they are wide, and have points on the side that is not seen; ``known_margin``: 0.02 m around what
-///     is known are left out; ``settling``: what is in its place for 1 s counts as standing; ``acceleration``, 3 m/s^2, ``speed``,
-///     1 m/s, and ``track_error``, 0.002 m: standard deviations of bodies that are followed. The numbers
-///     are the defaults.
+///     is known are left out; ``settling``: what is in its place for 1 s counts as standing;
+///     ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m: standard deviations of
+///     bodies that are followed. The numbers are the defaults.
 /// known : sequence of Obstacle or dict, optional
 ///     What stands around and the controller knows of: it is not seen again.
 ///
