@@ -156,7 +156,7 @@ def outcomes(first: int, count: int) -> dict[str, list[dict[str, Any]]]:
             block = rooms[begin : begin + AT_ONCE]
             results = vff.simulate_many(block, LAW | way | {"simulation.record_every": evaluating.EVERY})
             for verdict, result in zip(verdicts[begin:], results, strict=False):
-                found[name].append({"feasibility": verdict, **evaluating._scores_of(result, None)})
+                found[name].append({"feasibility": verdict, **evaluating.scores_of(result, None)})
         print(f"| {name} | {' | '.join(map(str, rates(found[name])))} |", flush=True)
     return found
 

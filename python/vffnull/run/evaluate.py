@@ -262,7 +262,7 @@ def _block(
     for name, changes in compared.items():
         results = free if changes == CONTROLLERS["no avoidance"] else run(changes)
         for scene, verdict, span, result in zip(block, verdicts, spans, results, strict=True):
-            yield {**identity(scene, verdict, name), **_scores_of(result, span)}
+            yield {**identity(scene, verdict, name), **scores_of(result, span)}
 
 
 def identity(scene: Scenario, verdict: str, controller: str) -> dict[str, Any]:
@@ -286,7 +286,7 @@ def encounter(free: Result) -> tuple[float, float] | None:
     return (float(free.t[near[0]]), float(free.t[near[-1]])) if len(near) else None
 
 
-def _scores_of(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
+def scores_of(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
     """The columns that say how a run went."""
     metrics = result.metrics
     worst = [metrics[f"max_error_{part}"] for part in ("transient", "tail")]
