@@ -393,7 +393,8 @@ mod tests {
             for (pixel, hit) in hits.iter().enumerate() {
                 let (direction, _) = eye.direction(eye.sight(pixel));
                 let all = (0..scene.len()).filter_map(|item| scene.cast(item, &eye.origin, &direction));
-                prop_assert_eq!(hit.distance, all.fold(f64::INFINITY, f64::min), "{}", pixel);
+                let least = all.fold(f64::INFINITY, f64::min);
+                prop_assert_eq!(hit.distance.to_bits(), least.to_bits(), "{}", pixel);
             }
         }
     }
