@@ -301,7 +301,7 @@ fn late_states() {
 /// The speed decays with e^(−dt), sampled, until the arm stands; the loop is finished then, and stays so.
 #[test]
 fn a_stop_is_damped() {
-    let mut bench = Bench::new(ARM, "gravity = \"robot\", start = 0");
+    let mut bench = Bench::new(ARM, "gravity = \"robot\", blend_time = 0");
     bench.controller.begin(H, None).unwrap();
     for _ in 0..150 {
         bench.cycle(Some(AWAY));

@@ -6,6 +6,22 @@ use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 
 /// Boxes around the obstacles of a world, where they were when it was asked for them.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::Body;
+/// use vff_core::math::{Capsule, Vector};
+/// use vff_core::world::ObstacleBoxes;
+/// use vff_core::world::plane::{Obstacle, World};
+///
+/// let disc = r#"position = [2.0, 0.0]
+/// shape = { kind = "circle", radius = 0.5 }"#;
+/// let mut world = World::new(vec![toml::from_str::<Obstacle>(disc).unwrap()]);
+/// let boxes: ObstacleBoxes<2> = world.boxes();
+/// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1);
+/// assert!((world.distance_within(&boxes, &Body::new(0, link), 1.0) - 0.4).abs() < 1e-12);
+/// assert_eq!(world.distance_within(&boxes, &Body::new(0, link), 0.1), f64::INFINITY);
+/// ```
 #[derive(Debug, Clone)]
 pub struct ObstacleBoxes<const D: usize>(Vec<[Vector<D>; 2]>);
 
