@@ -15,7 +15,7 @@ use crate::math::{Capsule, Vector};
 /// use vff_core::world::plane::{Obstacle, World};
 ///
 /// let disc = r#"position = [2.0, 0.0]
-/// shape = { kind = "circle", radius = 0.5 }"#;
+/// shape = { circle = { radius = 0.5 } }"#;
 /// let mut world = World::new(vec![toml::from_str::<Obstacle>(disc).unwrap()]);
 /// let boxes: ObstacleBoxes<2> = world.boxes();
 /// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1);
