@@ -114,6 +114,7 @@ def test_a_draft_follows_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(FileExistsError), replacing(tmp_path / "mine.txt") as draft:
         draft.write_text("overwritten")
     assert victim.read_text() == "precious" and not (tmp_path / "mine.txt").exists()
+    assert (tmp_path / f".{'00' * 8}.txt").is_symlink()
 
 
 def test_exceptions_and_interrupts_leave_nothing_behind(tmp_path: Path) -> None:
@@ -408,6 +409,22 @@ def test_a_run_that_is_terminated(words: list[str], tmp_path: Path) -> None:
     assert left <= {words[-1]}, left
     if left and words[0] == "run":
         assert vff.Result.load(tmp_path / "run.npz").status == "interrupted"
+
+
+def test_a_signal_that_comes_with_the_draft_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the moment in which it is made, before anybody knows that it is."""
+    create = os.open
+
+    def interrupted(*arguments: Any) -> int:
+        os.close(create(*arguments))
+        raise SystemExit(143)
+
+    monkeypatch.setattr(os, "open", interrupted)
+    with pytest.raises(SystemExit), replacing(tmp_path / "run.csv"):
+        pass
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("kind", ["run", "report", "animate"])

@@ -49,15 +49,21 @@ def replacing(path: Path, folder: Path | None = None) -> Iterator[Path]:
     draft = (folder or target.parent) / f".{os.urandom(8).hex()}{_ending(target)}"
     try:
         permissions = _permissions(target)
-        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        is_ours = True  # before there is a draft: a signal may end this as soon as there is
         try:
+            try:
+                os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            except FileExistsError:
+                is_ours = False
+                raise
             yield draft
             if permissions is not None:
                 draft.chmod(permissions)
             draft.replace(target)
         finally:
-            with suppress(OSError):
-                draft.unlink(missing_ok=True)
+            if is_ours:
+                with suppress(OSError):
+                    draft.unlink(missing_ok=True)
     except OSError as error:
         about_draft = error.filename is None or os.fsdecode(error.filename) in (str(draft), str(target))
         if error.errno is None or not about_draft:
