@@ -7,7 +7,8 @@ use crate::math::keep_least;
 /// The distance between the surface of a hull, which the capsule of `around` holds, and the nearest obstacle \[m\], where it is
 /// below `limit`. If it is below `reach`, `meet` is called with those that may be, in their order.
 ///
-/// The capsule is never farther from anything than the hull: most obstacles are asked no more.
+/// The capsule is never farther from anything than the hull: most obstacles are asked no more. Compiled once a space, whatever `meet`
+/// does: what a hull takes is far more than a call.
 #[expect(
     clippy::too_many_arguments,
     reason = "the parts of a world that is borrowed, and a question"
@@ -21,7 +22,7 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
     around: &S::Probe,
     hull: &PlacedHull<'_, D>,
     [reach, limit]: [f64; 2],
-    mut meet: impl FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
+    meet: &mut dyn FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
 ) -> f64 {
     let has_broad_phase = matches!(named, Named::BroadPhase(_));
     let mut within = reach;

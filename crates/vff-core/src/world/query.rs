@@ -258,13 +258,13 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                 let probe = S::probe(&shape);
                 if let Some(hull) = &hull {
                     let pair = Pair { body, link, obstacle: 0 };
-                    let found = |pair, obstacle: &_, turn: Option<&_>| {
+                    let mut found = |pair, obstacle: &_, turn: Option<&_>| {
                         meet(pair, &probe, Some(hull), obstacle, turn);
                     };
                     let limits = [reach, limit];
                     distance(
                         link,
-                        near_hull(obstacles, named, *time, pair, &probe, hull, limits, found),
+                        near_hull(obstacles, named, *time, pair, &probe, hull, limits, &mut found),
                     );
                     continue;
                 }
@@ -287,13 +287,13 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             let probe = S::probe(&shape);
             if let Some(hull) = &hull {
                 let pair = Pair { body, link, obstacle: 0 };
-                let found = |pair, obstacle: &_, turn: Option<&_>| {
+                let mut found = |pair, obstacle: &_, turn: Option<&_>| {
                     meet(pair, &probe, Some(hull), obstacle, turn);
                 };
                 let limits = [reach, limit];
                 distance(
                     link,
-                    near_hull(obstacles, named, *time, pair, &probe, hull, limits, found),
+                    near_hull(obstacles, named, *time, pair, &probe, hull, limits, &mut found),
                 );
                 continue;
             }
