@@ -512,6 +512,8 @@ def test_a_visitor_drags_the_obstacle_into_the_arm(browser: Any, tmp_path: Path)
         wait_for(lambda: abs(page.snapshot()["obstacles"][0, 1] - 1.3) < 0.1)
         assert page._scene._hint is None, "it still says that the disc can be dragged"
         wait_for(lambda: float(visitor.tab.text_content("#vff-clearance").split()[0]) < 1000)
+        # Simulated time is slow on a busy machine: the links have to have had theirs.
+        wait_for(lambda: float(np.abs(page.snapshot()["q"] - page.scenario["q0"]).max()) > 0.2)
         visitor.press("Stop recording")
         wait_for(lambda: not page.snapshot()["recording"])
         (file,) = tmp_path.glob("*.arrows")
