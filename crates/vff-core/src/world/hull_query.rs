@@ -4,6 +4,9 @@ use super::{Named, ObstacleGeometry, Pair, Placed, Turn};
 use crate::geometry::PlacedHull;
 use crate::math::keep_least;
 
+/// What is done with an obstacle that a body may be near to.
+pub(super) type Meet<'a, S, const D: usize> = dyn FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>) + 'a;
+
 /// The distance between the surface of a hull, which the capsule of `around` holds, and the nearest obstacle \[m\], where it is
 /// below `limit`. If it is below `reach`, `meet` is called with those that may be, in their order.
 ///
@@ -22,7 +25,7 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
     around: &S::Probe,
     hull: &PlacedHull<'_, D>,
     [reach, limit]: [f64; 2],
-    meet: &mut dyn FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
+    meet: &mut Meet<'_, S, D>,
 ) -> f64 {
     let has_broad_phase = matches!(named, Named::BroadPhase(_));
     let mut within = reach;
