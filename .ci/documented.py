@@ -81,6 +81,7 @@ LEFT_OUT = {
     "python docs/evaluate.py --space": "as the one of the plane",
     "python docs/evaluate_goals.py": "runs for half an hour; the tests evaluate in short",
     "python docs/emulate.py FOLDER": "runs for half an hour; the tests do so in short",
+    "python docs/evaluate_perception.py": "runs for half an hour; the tests see the bundled scene",
     "python docs/evaluate_rate.py 20": "runs for minutes; the tests do so on bundled scenes",
     "python docs/evaluate_self_motion.py": "runs for minutes; the tests do so on a bundled scene",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
