@@ -33,7 +33,9 @@ class Pictures:
         """Show pictures (rows, columns) [m], 0 where nothing was measured, up to the farthest so far."""
         if pictures:
             self._far = max(self._far, *(float(each.max()) for each in pictures))
-            self._image.image = side_by_side(pictures, self._far)
+            drawn = side_by_side(pictures, self._far)
+            if not np.array_equal(drawn, self._image.image):  # a browser rests while nothing moves
+                self._image.image = drawn
             self._image.visible = True
 
 

@@ -48,11 +48,9 @@ pub(super) fn bound(
         near: f64::INFINITY,
     };
     let mut sides = vec![nothing; count];
-    let hit = |map: &VoxelMap| -> Vec<(usize, Vector<3>)> {
-        let of = map.voxels().iter().filter(|voxel| voxel.hits > 0);
-        of.map(|voxel| (voxel.cluster as usize, voxel.point)).filter(|(k, _)| *k < count).collect()
-    };
-    let points = hit(map);
+    let hit = map.voxels().iter().filter(|voxel| voxel.hits > 0);
+    let of_bodies = hit.map(|voxel| (voxel.cluster as usize, voxel.point));
+    let points: Vec<_> = of_bodies.filter(|(k, _)| *k < count).collect();
     for (k, point) in &points {
         sides[*k].cells += 1;
         sides[*k].mean += point;

@@ -328,9 +328,8 @@ impl Perceiver {
         self.map.finish(camera, t, least, memory, is_through, is_cut_away);
         self.tracks.update(&mut self.map, camera, t, &self.settings);
         if self.settings.hidden > 0.0 {
-            let is_arm = |place: &Vector<3>| filter.clearance(place, half) < half;
             let (found, widest) = (self.tracks.found(), self.settings.hidden);
-            hidden::bound(&mut self.map, found, eye.origin(), widest, is_arm);
+            hidden::bound(&mut self.map, found, eye.origin(), widest, is_cut_away);
         }
         counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
         Ok(counts)

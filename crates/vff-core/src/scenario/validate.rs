@@ -191,7 +191,7 @@ pub fn perception(
     for (index, each) in settings.cameras.iter().enumerate() {
         camera(each).map_err(|error| error.inside(&format!("cameras[{index}]")))?;
     }
-    let has_cameras = matches!(settings.kind, PerceptionKind::Camera | PerceptionKind::Depth);
+    let has_cameras = settings.kind.has_cameras();
     if has_cameras && settings.cameras.is_empty() {
         return Err(ScenarioError::new("cameras", Problem::Other("expected at least one".into())));
     }
@@ -264,9 +264,8 @@ fn depths(settings: &PerceptionSettings) -> Validated {
 
 /// What of `[perception]` means nothing in the plane.
 fn in_the_plane(settings: &PerceptionSettings) -> Validated {
-    let has_cameras = matches!(settings.kind, PerceptionKind::Camera | PerceptionKind::Depth);
     let stray = [
-        ("kind", has_cameras),
+        ("kind", settings.kind.has_cameras()),
         ("around", settings.around.is_some()),
         ("cameras", !settings.cameras.is_empty()),
     ];

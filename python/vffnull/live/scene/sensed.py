@@ -25,10 +25,9 @@ class Sensed:
     """
 
     def __init__(self, server: viser.ViserServer, reach: float) -> None:
-        self._points = np.zeros((0, 3))
         self._cloud = server.scene.add_point_cloud(
             "/sensed",
-            self._points.astype(np.float32),
+            np.zeros((0, 3), np.float32),
             np.array(SENSED, dtype=np.uint8),
             point_size=SIZE * reach,
             point_shape="circle",
@@ -37,8 +36,7 @@ class Sensed:
 
     def draw(self, points: Array) -> None:
         """Show these (k, 3) [m] instead of those of before."""
-        same = points.shape == self._points.shape
-        if same and np.abs(points - self._points).max(initial=0.0) < MOVED:
+        shown = self._cloud.points
+        if points.shape == shown.shape and np.abs(points - shown).max(initial=0.0) < MOVED:
             return
-        self._points = points
         self._cloud.points = points.astype(np.float32)

@@ -3,14 +3,12 @@
 
 use super::PerceptionSettings;
 use super::picture::{DepthPicture, Errors, Eye, Hit};
-use crate::math::{Noise, Vector};
+use crate::math::{Noise, Vector, upright};
 use crate::perception::{Depth, Perceiver, PerceiverSettings, PerceptionError};
 use crate::robot::{Robot, SpatialState};
 use crate::world::space::{Obstacle, Points, Shape, World};
 use crate::world::{Motion, Positions};
 use std::mem::{replace, swap};
-
-const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
 /// States that the perceiver can choose from between a picture and its arrival.
 const STATES: usize = 400;
@@ -32,7 +30,7 @@ impl Seen {
         let [points, velocities] =
             [0, 1].map(|k| moving.iter().map(|it| it[k].into()).collect::<Vec<[f64; 3]>>());
         let since = perceiver.last();
-        let points = Points::moving(points, &velocities, since, UPRIGHT);
+        let points = Points::moving(points, &velocities, since, upright());
         Self { points, moving, since: since.unwrap_or_default() }
     }
 }
@@ -107,7 +105,7 @@ impl DepthCameras {
         let cloud = Obstacle {
             shape: Shape::Points { points: vec![], radius: perceiver.radius() },
             position: [0.0; 3],
-            orientation: UPRIGHT,
+            orientation: upright(),
             angular_velocity: [0.0; 3],
             motion: Motion::Static {},
         };
@@ -312,7 +310,7 @@ mod tests {
         let there = |shape, position, velocity| Obstacle {
             shape,
             position,
-            orientation: UPRIGHT,
+            orientation: upright(),
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
         };

@@ -72,6 +72,13 @@ pub enum Kind {
     Depth,
 }
 
+impl Kind {
+    /// Whether it is by cameras, which stand in the world.
+    pub fn has_cameras(self) -> bool {
+        matches!(self, Self::Camera | Self::Depth)
+    }
+}
+
 impl Default for PerceptionSettings {
     fn default() -> Self {
         Self {
