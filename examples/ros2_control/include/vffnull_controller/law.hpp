@@ -4,8 +4,10 @@
 #define VFFNULL_CONTROLLER__LAW_HPP_
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,71 +17,83 @@
 
 namespace vffnull_controller {
 
-/// Pose, velocity and acceleration of the hand: see `vff_sizes`. The last two may be empty.
-struct Target {
-    std::vector<double> pose, velocity, acceleration;
-
-    /// Numbers one after the other: `pose` of them, then `rate` and `rate` as far as they are there.
-    static Target split(const std::vector<double>& numbers, std::size_t pose, std::size_t rate) {
-        const auto part = [&](std::size_t from, std::size_t to) {
-            const auto at = [&](std::size_t i) { return numbers.begin() + static_cast<std::ptrdiff_t>(std::min(i, numbers.size())); };
-            return std::vector<double>(at(from), at(to));
-        };
-        return {part(0, pose), part(pose, pose + rate), part(pose + rate, numbers.size())};
-    }
+/// Where a body is and how it moves, in the axes of the arm's base.
+struct Motion {
+    std::array<double, 3> position{};                      // [m]
+    std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};  // w, x, y, z
+    std::array<double, 3> velocity{};                      // [m/s]
+    std::array<double, 3> angular_velocity{};              // [rad/s]
 };
+
+/// What the hand is to do: position [m] and orientation (w, x, y, z), velocity [m/s, rad/s], acceleration [m/s², rad/s²].
+constexpr std::size_t POSE = 7, RATE = 6, REFERENCE = POSE + 2 * RATE;
+using Reference = std::array<double, REFERENCE>;
 
 class Law {
 public:
-    /// `robot` is the name of a bundled arm or, if it ends in ".toml", a file.
-    Law(const std::string& robot, const std::string& settings, const std::vector<std::string>& obstacles)
+    /// `robot` is the name of a bundled arm or, if it ends in ".toml", a file. `obstacles` are tables in TOML. A cloud is there if it
+    /// may have points, with balls of `radius` [m] around them.
+    Law(const std::string& robot, const std::string& settings, const std::vector<std::string>& obstacles, std::size_t points,
+        double radius)
         : Law(is_file(robot) ? vff::Robot::from_file(robot) : vff::Robot::named(robot), settings) {
+        if (robot_.dimension() != 3) {
+            throw std::invalid_argument("robot: expected an arm in space");
+        }
         for (const auto& each : obstacles) {
             ids_.push_back(controller_.add_obstacle(each));
+        }
+        if (points > 0) {
+            const auto id =
+                controller_.add_obstacle("shape = { kind = \"points\", points = [], radius = " + std::to_string(radius) + " }");
+            cloud_.emplace(controller_.cloud(id, points));
         }
     }
 
     std::size_t joints() const noexcept { return q.size(); }
-    std::size_t dimension() const noexcept { return controller_.sizes().dimension; }
-    const vff_sizes& sizes() const noexcept { return controller_.sizes(); }
 
-    /// What is wrong with a target, or nothing.
-    const char* fault(const Target& target) const noexcept {
-        const auto fits = [&](const std::vector<double>& given) { return given.empty() || given.size() == sizes().rate; };
-        if (target.pose.size() != sizes().pose) return "a pose has another length";
-        return fits(target.velocity) && fits(target.acceleration) ? nullptr : "a rate has another length";
-    }
+    /// Where points come from, for any thread, as long as this law is there; none without a cloud.
+    vff::Cloud* cloud() noexcept { return cloud_ ? &*cloud_ : nullptr; }
 
-    /// Begins where the arm is, at `q`: the hand stays there until there is a target.
-    void begin(double period) {
+    /// Begins where the arm is, at `q`, a loop of `period` seconds. Returns the reference that keeps the hand there.
+    Reference begin(double period) {
         controller_.begin(period);
-        const std::vector<double> here = robot_.pose(q);  // of which a position is the beginning
-        if (const auto status = controller_.set_reference({here.data(), sizes().pose}); !status) {
+        Reference here{};
+        const std::vector<double> pose = robot_.pose(q);
+        std::copy(pose.begin(), pose.end(), here.begin());
+        if (const auto status = aim(here); !status) {
             throw vff::Error(status.code());
         }
+        return here;
     }
 
     // For the loop.
 
-    vff::Status aim(const Target& target) noexcept {
-        return controller_.set_reference(target.pose, target.velocity, target.acceleration);
+    /// Writes into `tau` what the arm is left with: nothing, or what holds it against gravity where it is known to be.
+    void leave(bool gravity) noexcept {
+        const bool known = vff_robot_gravity_torque(robot_.get(), q.data(), q.size(), tau.data(), tau.size()) == VFF_STATUS_OK;
+        if (!gravity || !known) {
+            std::fill(tau.begin(), tau.end(), 0.0);
+        }
     }
 
-    /// Obstacles as they were seen at time `t`: position and velocity of each, one after the other.
-    vff::Status see(double t, const std::vector<double>& seen) noexcept {
-        const std::size_t size = dimension(), count = std::min(seen.size() / (2 * size), ids_.size());
-        vff::Status status = VFF_STATUS_OK;
-        for (std::size_t i = 0; i < count && status; ++i) {
-            const double* at = seen.data() + 2 * size * i;
-            status = controller_.move_obstacle(ids_[i], t, {at, size}, {at + size, size});
+    /// A task of positions takes their part of it.
+    vff::Status aim(const Reference& reference) noexcept {
+        const auto& sizes = controller_.sizes();
+        const double* numbers = reference.data();
+        return controller_.set_reference({numbers, sizes.pose}, {numbers + POSE, sizes.rate}, {numbers + POSE + RATE, sizes.rate});
+    }
+
+    /// Obstacle `i` was seen at time `t` and goes on. The first time that one is turned allocates.
+    vff::Status see(std::size_t i, double t, const Motion& seen) noexcept {
+        const auto status = controller_.move_obstacle(ids_[i], t, seen.position, seen.velocity);
+        if (!status || seen.orientation == Motion{}.orientation) {
+            return status;
         }
-        return status;
+        return controller_.turn_obstacle(ids_[i], t, seen.orientation, seen.angular_velocity);
     }
 
     /// From `q` and `dq` at time `t` to `tau`, which is to be sent in any case.
     vff::Status cycle(double t, vff_phase& phase) noexcept { return controller_.cycle(t, q, dq, tau, phase); }
-
-    vff::Status stop() noexcept { return controller_.stop(); }
 
     std::vector<double> q, dq, tau;
 
@@ -95,6 +109,7 @@ private:
     vff::Robot robot_;
     vff::Controller controller_;
     std::vector<std::uint32_t> ids_;
+    std::optional<vff::Cloud> cloud_;
 };
 
 }  // namespace vffnull_controller

@@ -3,11 +3,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <functional>
-#include <map>
 #include <memory>
-#include <string>
-#include <variant>
-#include <vector>
 
 #define RCLCPP_ERROR(logger, ...) (static_cast<void>(logger), std::fprintf(stderr, __VA_ARGS__), std::fputc('\n', stderr))
 #define RCLCPP_WARN(logger, ...) RCLCPP_ERROR(logger, __VA_ARGS__)
@@ -20,7 +16,7 @@ class SystemDefaultsQoS {};
 class Time {
 public:
     explicit Time(std::int64_t nanoseconds = 0) : nanoseconds_(nanoseconds) {}
-    double seconds() const { return 1e-9 * static_cast<double>(nanoseconds_); }
+    std::int64_t nanoseconds() const { return nanoseconds_; }
 
 private:
     std::int64_t nanoseconds_;
@@ -33,17 +29,6 @@ public:
 
 private:
     std::int64_t nanoseconds_;
-};
-
-class Parameter {
-public:
-    using Value = std::variant<std::string, std::vector<std::string>>;
-    Parameter(Value value = {}) : value_(std::move(value)) {}
-    std::string as_string() const { return std::get<std::string>(value_); }
-    std::vector<std::string> as_string_array() const { return std::get<std::vector<std::string>>(value_); }
-
-private:
-    Value value_;
 };
 
 template <class Message>
