@@ -98,7 +98,8 @@ impl Solid {
                     let root = l * l - k * (off.norm_squared() - radius * radius);
                     let s = (-l - root.max(0.0).sqrt()) / k;
                     let at = axis.dot(&(origin + along * s - a));
-                    (k > 1e-12 && root >= 0.0 && s > 0.0 && (0.0..=length).contains(&at)).then_some(s)
+                    (k > 1e-12 && root >= 0.0 && s > 0.0 && (0.0..=length).contains(&at))
+                        .then_some(s)
                 });
                 ends.chain(side.flatten()).reduce(f64::min)
             }
@@ -113,7 +114,8 @@ impl Solid {
         match self {
             Self::Capsule(ends, radius) => Self::Capsule([to(&ends[0]), to(&ends[1])], *radius),
             Self::Triangles(all, centre, radius) => {
-                let moved = all.iter().map(|corners| [to(&corners[0]), to(&corners[1]), to(&corners[2])]);
+                let moved =
+                    all.iter().map(|corners| [to(&corners[0]), to(&corners[1]), to(&corners[2])]);
                 Self::Triangles(moved.collect(), to(centre), *radius)
             }
         }
@@ -135,7 +137,9 @@ impl Case {
             for LinkShape { shape, .. } in &mut description.collision {
                 let ([a, b], radius) = match &shape.shape {
                     Shape::Capsule { a, b, radius } => ([V::from(*a), V::from(*b)], *radius),
-                    Shape::Sphere { radius } => ([V::from(shape.center.unwrap_or_default()); 2], *radius),
+                    Shape::Sphere { radius } => {
+                        ([V::from(shape.center.unwrap_or_default()); 2], *radius)
+                    }
                     _ => continue,
                 };
                 let vertices = (0..corners).map(|k| {
@@ -150,7 +154,9 @@ impl Case {
         let looks = described.collision.iter().map(|LinkShape { link, shape }| {
             let link = described.joints.iter().position(|joint| joint.link == *link);
             let solid = match &shape.shape {
-                Shape::Capsule { a, b, radius } => Solid::Capsule([V::from(*a), V::from(*b)], *radius),
+                Shape::Capsule { a, b, radius } => {
+                    Solid::Capsule([V::from(*a), V::from(*b)], *radius)
+                }
                 Shape::Sphere { radius } => {
                     Solid::Capsule([V::from(shape.center.unwrap_or_default()); 2], *radius)
                 }
@@ -160,7 +166,11 @@ impl Case {
                     let radius = points.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max);
                     let mut all = vec![];
                     for face in faces_of_hull(vertices).unwrap() {
-                        all.extend(face[1..].windows(2).map(|two| [face[0], two[0], two[1]].map(|k| points[k])));
+                        all.extend(
+                            face[1..]
+                                .windows(2)
+                                .map(|two| [face[0], two[0], two[1]].map(|k| points[k])),
+                        );
                     }
                     Solid::Triangles(all, centre, radius)
                 }
@@ -193,7 +203,8 @@ fn recording(cases: &[Case], seed: u64, degrees: f64, tally: &mut Tally) {
     let hurry = draws.between(0.1, 1.0);
     let swings: Vec<[f64; 4]> = (0..n)
         .map(|i| {
-            let [low, high] = limits.joint.get(i).map_or([-PI, PI], |it| it.map(|x| x.clamp(-PI, PI)));
+            let [low, high] =
+                limits.joint.get(i).map_or([-PI, PI], |it| it.map(|x| x.clamp(-PI, PI)));
             let fastest = limits.velocity.get(i).copied().filter(|v| v.is_finite()).unwrap_or(2.0);
             let rate = draws.between(0.5, 4.0);
             let size = (hurry * fastest / rate).min(0.5 * (high - low));
@@ -223,7 +234,8 @@ fn recording(cases: &[Case], seed: u64, degrees: f64, tally: &mut Tally) {
         orientation: said.to_array(),
     };
     let origin = position + draws.direction() * OFF;
-    let turn = UnitQuaternion::exp(&(draws.direction() * degrees.to_radians())).matrix() * said.matrix();
+    let turn =
+        UnitQuaternion::exp(&(draws.direction() * degrees.to_radians())).matrix() * said.matrix();
     let noise = if degrees > 0.0 { 0.002 } else { 0.0 };
     let settings = PerceiverSettings {
         stride: 1,
@@ -285,7 +297,10 @@ fn recording(cases: &[Case], seed: u64, degrees: f64, tally: &mut Tally) {
             tally.recordings.push(seed);
             for (point, _) in perceiver.points() {
                 // As far as the nearest ray of the camera sees it from the arm.
-                let gap = solids.iter().map(|solid| distance(solid, &point)).fold(f64::INFINITY, f64::min);
+                let gap = solids
+                    .iter()
+                    .map(|solid| distance(solid, &point))
+                    .fold(f64::INFINITY, f64::min);
                 tally.aside = tally.aside.max(gap);
             }
         }
@@ -312,7 +327,8 @@ fn main() {
     let threads = given.get(1).map_or(1, |count| *count as usize);
     let degrees = given.get(2).copied().unwrap_or(0.0);
     let bundled = ARMS.iter().map(|name| Case::new(name, None));
-    let hulls = [("panda", 24), ("iiwa14", 40)].map(|(name, corners)| Case::new(name, Some(corners)));
+    let hulls =
+        [("panda", 24), ("iiwa14", 40)].map(|(name, corners)| Case::new(name, Some(corners)));
     let cases: Vec<Case> = bundled.chain(hulls).collect();
     let recordings = pictures.div_ceil(LENGTH);
     let begun = Instant::now();
@@ -356,6 +372,11 @@ fn main() {
         ))
     );
     if degrees == 0.0 {
-        assert_eq!(all.survivors, 0, "recordings {:?}", &all.recordings[..all.recordings.len().min(20)]);
+        assert_eq!(
+            all.survivors,
+            0,
+            "recordings {:?}",
+            &all.recordings[..all.recordings.len().min(20)]
+        );
     }
 }
