@@ -1,4 +1,4 @@
-"""Recordings of an arm before depth cameras, with errors that are known: by rays of NumPy, or by MuJoCo's renderer."""
+"""Recordings of an arm before depth cameras, with errors that are known, by rays of NumPy."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def looking(position: list[float], at: list[float], size: tuple[int, int] = (96,
 
 
 def off(camera: dict[str, Any], moved: Any = (0, 0, 0), turned: Any = (0, 0, 0)) -> dict[str, Any]:
-    """The camera as it really stands: moved [m], and turned by a rotation vector [rad] in the world's axes."""
+    """The camera as it really stands: moved [m], turned by a rotation vector in the world's axes [rad]."""
     angle = float(np.linalg.norm(turned))
     half = np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * np.array(turned) / (angle or 1.0))])
     axes = matrices(half) @ matrices(np.array(camera["orientation"]))

@@ -1,4 +1,4 @@
-"""A RealSense, which is the software device of its maker's library: pictures that it is given, with its lens and its stamps."""
+"""A RealSense, which is the software device of its maker's library, with pictures that it is given."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ HOST, OWN = rs.timestamp_domain.system_time, rs.timestamp_domain.hardware_clock
 
 
 def test_pictures_go_to_a_perceiver() -> None:
-    """A board half a metre above the floor is where it is, with the arm cut out, and the stamp on the states' clock."""
+    """A board is where it is, with the arm cut out, and the stamp on the states' clock."""
     device = Device()
     board = np.full((60, 80), 1000, np.uint16)
     board[0, 0] = 0
@@ -58,7 +58,9 @@ def test_pictures_go_to_a_perceiver() -> None:
     arm = vff.Arm.named("panda")
     with RealSense(source=device.queue, clock=lambda: time.time() - shift) as eye:
         camera = eye.camera([0.6, 0.0, 1.5], [0.0, 1.0, 0.0, 0.0])
-        assert camera["columns"] == 80 and camera["focal"] == [75.0, 74.0] and camera["centre"] == [39.5, 29.0]
+        assert (
+            camera["columns"] == 80 and camera["focal"] == [75.0, 74.0] and camera["centre"] == [39.5, 29.0]
+        )
         perceiver = vff.Perceiver(arm, [camera], {"stride": 1})
         t, depth = eye.read()
         assert depth.dtype == np.uint16 and abs(t - (time.time() - shift)) < 1.0
@@ -69,7 +71,7 @@ def test_pictures_go_to_a_perceiver() -> None:
 
 
 def test_units_and_times() -> None:
-    """Depths in other units are metres; the camera's own clock runs as it does, from when the quickest picture came."""
+    """Other units become metres; the camera's own clock counts from the picture that came quickest."""
     device = Device(unit=5e-4)
     now = [7.0]
     device.show(np.full((60, 80), 3000, np.uint16), 100.0, OWN)
@@ -98,7 +100,7 @@ def test_lenses() -> None:
         device.show(picture, 1.0, OWN)
         eye = RealSense(source=device.queue)
         if expected is None:
-            with pytest.raises(InputError, match="the lens is .*inverse_brown_conrady"):
+            with pytest.raises(InputError, match=r"the lens is .*inverse_brown_conrady"):
                 eye.camera([0.0] * 3, [1.0, 0.0, 0.0, 0.0])
         else:
             found = eye.camera([0.0] * 3, [1.0, 0.0, 0.0, 0.0])

@@ -60,8 +60,9 @@ def test_what_a_replay_tells(watched: Path) -> None:
         assert sum(camera.own_by_link.values()) == pytest.approx(1.0)
         assert len(camera.own_by_link) > 4 and set(camera.own_by_link) <= {"base", *ARM.link_names}
     assert 5 < report.points[0] <= report.points[1]
-    tracks = [track for track in report.tracks if track.until - track.since > 0.5]
-    assert tracks and all(np.abs(np.subtract(t.velocity, [0.0, 0.4, 0.0])).max() < 0.1 for t in tracks)
+    longest = max(report.tracks, key=lambda track: track.until - track.since)
+    assert longest.until - longest.since > 1.0
+    assert np.abs(np.subtract(longest.velocity, [0.0, 0.4, 0.0])).max() < 0.1
     json.dumps(report.to_dict())
 
 
@@ -103,7 +104,7 @@ def test_rerun(watched: Path, folder: Path) -> None:
 
 
 def test_pictures_of_every_kind(folder: Path) -> None:
-    """Rows with gaps and the other order of bytes, compressed depths of both kinds; colours are left alone."""
+    """Rows with gaps, the other order of bytes, compressed depths of both kinds; no colours."""
     import io
 
     from PIL import Image
@@ -115,8 +116,17 @@ def test_pictures_of_every_kind(folder: Path) -> None:
         found = list(ros2._read(kind, "/t", 7, SimpleNamespace(header=header, **fields)))
         return found[0] if found else None
 
-    padded = np.concatenate([depth.astype(">u2").view(np.uint8).reshape(3, 8), np.full((3, 3), 9, np.uint8)], 1)
-    raw = {"height": 3, "width": 4, "encoding": "16UC1", "is_bigendian": 1, "step": 11, "data": padded.tobytes()}
+    padded = np.concatenate(
+        [depth.astype(">u2").view(np.uint8).reshape(3, 8), np.full((3, 3), 9, np.uint8)], 1
+    )
+    raw = {
+        "height": 3,
+        "width": 4,
+        "encoding": "16UC1",
+        "is_bigendian": 1,
+        "step": 11,
+        "data": padded.tobytes(),
+    }
     found = read(ros2.IMAGE, **raw)
     assert found.stamp == 1_000_000_005 and found.frame == "eye" and found.depth.dtype == np.uint16
     np.testing.assert_array_equal(found.depth, depth)
@@ -162,7 +172,7 @@ def written(path: Path, camera: bool = True, joints: Any = None, parent: str = "
     [
         ({"camera": False}, "/eye/image: no camera_info beside it, nor with its frame 'eye_frame'"),
         ({"joints": list("abcdefg")}, "no message tells of the joints panda_joint1, .*; it has a, b, c"),
-        ({"parent": "map"}, "no transform leads from its frame 'eye_frame' to the base 'panda_link0'"),
+        ({"parent": "map"}, "no transform leads from 'eye_frame' to the base 'panda_link0'"),
     ],
 )
 def test_what_a_recording_has_to_say(tmp_path: Path, how: Any, sentence: str) -> None:
@@ -203,14 +213,20 @@ def test_a_camera_that_moves_is_told(tmp_path: Path) -> None:
 
 def test_broken_files(watched: Path, tmp_path: Path) -> None:
     whole = watched.read_bytes()
-    for name, data in {"empty": b"", "text": b"hello, world, this is text", "cut": whole[: len(whole) // 2]}.items():
+    for name, data in {
+        "empty": b"",
+        "text": b"hello, world, this is text",
+        "cut": whole[: len(whole) // 2],
+    }.items():
         path = tmp_path / name
         path.write_bytes(data)
         with pytest.raises(InputError, match="not a sound MCAP recording"):
             vff.perceive(path, ARM, settings=SETTINGS)
     with Recorder(tmp_path / "nothing.mcap") as file:
         file.joints(0.0, ARM.joint_names, MEAN)
-    with pytest.raises(InputError, match=r"no pictures with depths; it has /joint_states \(sensor_msgs/msg/JointState\)"):
+    with pytest.raises(
+        InputError, match=r"no pictures with depths; it has /joint_states \(sensor_msgs/msg/JointState\)"
+    ):
         vff.perceive(tmp_path / "nothing.mcap", ARM)
     with pytest.raises(FileNotFoundError):
         vff.perceive(tmp_path / "not there.mcap", ARM)
@@ -237,7 +253,9 @@ def errors(found: vff.CameraCalibration, said: dict[str, Any], truth: dict[str, 
 def test_errors_are_found(tmp_path: Path, moved: Any, turned: Any, clock: float, noise: float) -> None:
     """Of place, orientation and clock, to a millimetre or two, and within what is said of their scatter."""
     truth = {"/left": off(LEFT, moved, turned)}
-    path = record(tmp_path / "r.mcap", {"/left": LEFT}, truth, seconds=4.0, rate=10.0, clock=clock, noise=noise)
+    path = record(
+        tmp_path / "r.mcap", {"/left": LEFT}, truth, seconds=4.0, rate=10.0, clock=clock, noise=noise
+    )
     (found,) = vff.calibrate(path, ARM)
     away, angle = errors(found, LEFT, truth["/left"])
     assert found.time_offset is not None and found.time_deviation is not None
@@ -251,7 +269,7 @@ def test_errors_are_found(tmp_path: Path, moved: Any, turned: Any, clock: float,
 
 
 def test_what_is_found_mends_the_replay(tmp_path: Path) -> None:
-    """With margins that are too small for its errors points of the arm are left, and none with the correction."""
+    """With margins too small for the errors points of the arm are left, and none with the correction."""
     truth = {"/left": off(LEFT, [0.02, 0.0, 0.0], [0.0, 0.02, 0.0])}
     path = record(tmp_path / "r.mcap", {"/left": LEFT}, truth, seconds=2.5, rate=10.0, clock=-0.03)
     settings = SETTINGS | {"margin": 0.008, "time_error": 0.0, "least_points": 1}
@@ -261,7 +279,8 @@ def test_what_is_found_mends_the_replay(tmp_path: Path) -> None:
     assert "translation" in printed and "to be added to the times" in printed
     told = json.loads(
         command(
-            path, "--arm", "panda", "--cameras", tmp_path / "c.toml", "--json", "--known", tmp_path / "table.toml",
+            path, "--arm", "panda", "--cameras", tmp_path / "c.toml",
+            "--json", "--known", tmp_path / "table.toml",
             *(f"--set={key}={json.dumps(value)}" for key, value in settings.items()),
             scene=tmp_path / "table.toml",
         )
@@ -274,7 +293,10 @@ def command(*arguments: object, code: int = 0, scene: Path | None = None) -> str
         floor = FLOOR.to_dict() if hasattr(FLOOR, "to_dict") else {}
         vff.Scenario.load("panda-sweep").replace(obstacles=[floor]).save(scene)
     done = subprocess.run(
-        [sys.executable, "-m", "vffnull", "perceive", *map(str, arguments)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "vffnull", "perceive", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == code, done.stderr + done.stdout
     assert "Traceback" not in done.stderr
@@ -293,7 +315,7 @@ def test_an_arm_at_rest_and_one_that_is_elsewhere(tmp_path: Path) -> None:
                 file.picture("/eye", 0.01 * k, take(LEFT, capsules(q)))
     (found,) = vff.calibrate(path, ARM)
     assert found.time_offset is None and found.time_deviation is None and found.points > 500
-    with pytest.raises(InputError, match="points in .* pictures lie within 0.12 m of the arm"):
+    with pytest.raises(InputError, match=r"points in .* pictures lie within 0.12 m"):
         vff.calibrate(path, ARM, cameras={"/eye/image": off(LEFT, [0.0, 3.0, 0.0])})
 
 
@@ -340,7 +362,7 @@ JUDGED = """
 
 
 def test_what_a_renderer_of_others_records(tmp_path: Path) -> None:
-    """MuJoCo draws the arm for a camera that is off by a centimetre and half a degree, with a clock that is off by 20 ms."""
+    """MuJoCo draws the arm for a camera that is off by 1 cm and 0.5°, with a clock that is off by 20 ms."""
     pytest.importorskip("mujoco")
     code = "import os\nos.environ.setdefault('MUJOCO_GL', 'egl')\n" + textwrap.dedent(JUDGED)
     done = subprocess.run(

@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     from vffnull.model.timing import Histogram
     from vffnull.model.wrench import Wrench
     from vffnull.planning import Plan, PlanStatus, plan
-    from vffnull.run.drive import Drive, DriveReport, DriveState, drive
     from vffnull.run.calibrate import CameraCalibration, calibrate
+    from vffnull.run.drive import Drive, DriveReport, DriveState, drive
     from vffnull.run.evaluate import Evaluation, evaluate
     from vffnull.run.many import metrics_table, simulate_many
     from vffnull.run.perceive import CameraReport, PerceptionReport, TrackReport, perceive

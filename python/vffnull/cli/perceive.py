@@ -44,11 +44,17 @@ def _names(_context: click.Context, _param: click.Parameter, text: str | None) -
     "--cameras",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="TOML: a table [\"TOPIC\"] of what the recording does not say of a camera.",
+    help='TOML: a table ["TOPIC"] of what the recording does not say of a camera.',
 )
-@click.option("--topic", "topics", multiple=True, metavar="TOPIC", help="Pictures of this camera alone; repeatable.")
-@click.option("--base", metavar="FRAME", help="The frame at the base of the arm, if it is not called as in the model.")
-@click.option("--joints", callback=_names, metavar="A,B,…", help="What the recording calls the joints, from the base.")
+@click.option(
+    "--topic", "topics", multiple=True, metavar="TOPIC", help="Pictures of this camera alone; repeatable."
+)
+@click.option(
+    "--base", metavar="FRAME", help="The frame at the base of the arm, if it is not called as in the model."
+)
+@click.option(
+    "--joints", callback=_names, metavar="A,B,…", help="What the recording calls the joints, from the base."
+)
 @click.option("--known", metavar="SCENARIO", help="The obstacles of this scenario are not to be seen again.")
 @click.option(
     "--set",
@@ -118,7 +124,10 @@ def perceive(
         _tell(report)
     moved = [each for each in report.cameras if each.moved]
     for each in moved:
-        say(f"warning: {each.topic}: the camera moves in the recording, a perceiver takes it to stand still", "yellow")
+        say(
+            f"warning: {each.topic}: the camera moves in the recording, a perceiver takes it to stand still",
+            "yellow",
+        )
     return FAILED if report.refused or moved else FINE
 
 
@@ -162,7 +171,12 @@ def _tell(report: PerceptionReport) -> None:
         if links:
             click.echo(f"  of the arm   {links}")
         if each.left_out:
-            click.echo(click.style(f"  no room for  {each.left_out} pixels: raise most_voxels or say what is known", fg="yellow"))
+            click.echo(
+                click.style(
+                    f"  no room for  {each.left_out} pixels: raise most_voxels or say what is known",
+                    fg="yellow",
+                )
+            )
         click.echo(f"  arrived      {_milliseconds(each.delay)} after it was taken")
         click.echo(f"  cost         {_milliseconds(each.cost)} a picture")
     moving = sorted(report.tracks, key=lambda track: track.since)
@@ -171,7 +185,8 @@ def _tell(report: PerceptionReport) -> None:
         for track in moving:
             place = ", ".join(f"{x:.2f}" for x in track.position)
             click.echo(
-                f"  {track.number:<10}  {track.since:5.1f} s  {track.until:5.1f} s  {track.fastest:5.2f} m/s  ({place}) m"
+                f"  {track.number:<10}  {track.since:5.1f} s  {track.until:5.1f} s  "
+                f"{track.fastest:5.2f} m/s  ({place}) m"
             )
     for file in report.files:
         click.echo(f"\nwrote {file}")
@@ -199,10 +214,12 @@ def _calibrated(found: CameraCalibration) -> str:
         lines.append("  clock        the arm hardly moves, so that it does not tell")
     else:
         lines.append(
-            f"  clock        {1000 * found.time_offset:+.1f} ± {1000 * found.time_deviation:.1f} ms to be added to the times of its pictures"
+            f"  clock        {1000 * found.time_offset:+.1f} ± {1000 * found.time_deviation:.1f} ms "
+            "to be added to the times of its pictures"
         )
     lines.append(
-        f"  surface      {1000 * found.before:.1f} mm off before, {1000 * found.after:.1f} mm after, {1000 * found.bias:+.1f} mm on average"
+        f"  surface      {1000 * found.before:.1f} mm off before, {1000 * found.after:.1f} mm after, "
+        f"{1000 * found.bias:+.1f} mm on average"
     )
     lines.append(f"  from         {found.points} points in {found.pictures} pictures")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""ROS 2 in MCAP: what the joints, the depth cameras and the frames of a robot said, as `ros2 bag record` writes it.
+"""ROS 2 in MCAP: what joints, depth cameras and frames of a robot said, as `ros2 bag record` writes it.
 
 Read as a stream in the order of log time: what is held is a chunk of the file at a time, not the recording.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
@@ -38,7 +38,7 @@ class Joints:
 
 @dataclass(frozen=True)
 class Picture:
-    """Depths (rows, columns), uint16 [mm] or float32 [m], or a cloud (k, 3) [m] in the frame of its camera."""
+    """Depths (rows, columns), uint16 [mm] or float32 [m], or a cloud (k, 3) [m] in its camera's frame."""
 
     topic: str
     stamp: int
@@ -73,10 +73,12 @@ class Transform:
 
 Message = Joints | Picture | Lens | Transform
 
-JOINTS, LENS, TRANSFORMS = "sensor_msgs/msg/JointState", "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"
-IMAGE, COMPRESSED, CLOUD = (
-    f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "PointCloud2")
+JOINTS, LENS, TRANSFORMS = (
+    "sensor_msgs/msg/JointState",
+    "sensor_msgs/msg/CameraInfo",
+    "tf2_msgs/msg/TFMessage",
 )
+IMAGE, COMPRESSED, CLOUD = (f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "PointCloud2"))
 DEPTHS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Encodings of depths, and the numbers that they are made of."""
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -115,7 +117,8 @@ def messages(path: Path, only: Sequence[str] | None = None) -> Iterator[Message]
                 decode = decoders.decoder_for(channel.message_encoding, schema)
                 if decode is None:
                     raise InputError(
-                        f"{path}: {topic} is {channel.message_encoding} of {schema.encoding}, expected cdr of ros2msg"
+                        f"{path}: {topic} is {channel.message_encoding} of {schema.encoding}, "
+                        "expected cdr of ros2msg"
                     )
                 found = list(_read(schema.name, topic, message.log_time, decode(message.data)))
                 if shows and not found:
@@ -160,13 +163,9 @@ def _read(kind: str, topic: str, arrived: int, message: Any) -> Iterator[Message
             has_velocity = len(dq) == len(q)
             yield Joints(topic, stamp, arrived, list(message.name), q, dq if has_velocity else None)
     elif kind == LENS:
-        yield Lens(
-            topic,
-            frame,
-            (int(message.height), int(message.width)),
-            *(list(getattr(message, key, None) or getattr(message, key.lower())) for key in "KDP"),
-            message.distortion_model,
-        )
+        K, D, P = (list(getattr(message, key)) for key in "kdp")
+        size = (int(message.height), int(message.width))
+        yield Lens(topic, frame, size, K, D, P, message.distortion_model)
     elif kind == CLOUD:
         yield Picture(topic, stamp, arrived, frame, None, _cloud(topic, message))
     else:
@@ -184,7 +183,8 @@ def _raw(topic: str, message: Any) -> Array | None:
     data = np.frombuffer(message.data, np.uint8)
     if step < columns * form.itemsize or data.size < rows * step:
         raise InputError(
-            f"{topic}: {rows} × {columns} pixels of {message.encoding} with rows of {step} bytes do not fit into {data.size} bytes"
+            f"{topic}: {rows} × {columns} pixels of {message.encoding} with rows of {step} bytes "
+            f"do not fit into {data.size} bytes"
         )
     lines = data[: rows * step].reshape(rows, step)[:, : columns * form.itemsize]
     return np.ascontiguousarray(lines).view(form).astype(form.newbyteorder("="))
@@ -230,7 +230,8 @@ def _cloud(topic: str, message: Any) -> Array:
     lines = data[: rows * step].reshape(rows, step)[:, : columns * form.itemsize]
     points = np.ascontiguousarray(lines).view(form).ravel()
     found = np.stack([points[axis].astype(float) for axis in "xyz"], axis=-1)
-    return found[np.isfinite(found).all(axis=1)]
+    finite: Array = found[np.isfinite(found).all(axis=1)]
+    return finite
 
 
 # ------------------------------------------------------------------------------------------------ writing
@@ -239,20 +240,25 @@ _STAMP = "builtin_interfaces/Time stamp\nstring frame_id\n"
 _PARTS = {
     "std_msgs/Header": _STAMP,
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
-    "sensor_msgs/RegionOfInterest": "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n",
+    "sensor_msgs/RegionOfInterest": (
+        "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n"
+    ),
     "sensor_msgs/PointField": "string name\nuint32 offset\nuint8 datatype\nuint32 count\n",
-    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+    "geometry_msgs/TransformStamped": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+    ),
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
     "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
 }
+_HEADER = "std_msgs/Header header\n"
 _WRITTEN = {
-    JOINTS: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
-    LENS: "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
+    JOINTS: _HEADER + "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+    LENS: _HEADER + "uint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
     "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi\n",
-    IMAGE: "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
+    IMAGE: _HEADER + "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n"
     "uint8[] data\n",
-    CLOUD: "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n"
+    CLOUD: _HEADER + "uint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n"
     "uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n",
     TRANSFORMS: "geometry_msgs/TransformStamped[] transforms\n",
 }
@@ -297,9 +303,7 @@ class Recorder:
         writer = extra("mcap_ros2.writer", "mcap")
         self._file = Path(path).open("wb")
         self._writer = writer.Writer(self._file)
-        self._schemas = {
-            kind: self._writer.register_msgdef(kind, _definition(kind)) for kind in _WRITTEN
-        }
+        self._schemas = {kind: self._writer.register_msgdef(kind, _definition(kind)) for kind in _WRITTEN}
 
     def __enter__(self) -> Recorder:
         return self
@@ -335,7 +339,7 @@ class Recorder:
         self._write(topic, JOINTS, message, t, arrived)
 
     def camera(self, topic: str, camera: dict[str, Any], t: float = 0.0, *, base: str = "base") -> None:
-        """What a camera says of itself on ``TOPIC/camera_info``, and where it stands in a frame, on /tf_static.
+        """What a camera says of itself, on ``TOPIC/camera_info``, and where it stands, on ``/tf_static``.
 
         The frame of its pictures is called after its topic.
         """
@@ -392,12 +396,15 @@ class Recorder:
         topic: str,
         t: float,
         points: ArrayLike,
-        more: dict[str, ArrayLike] | None = None,
+        more: Mapping[str, ArrayLike] | None = None,
         *,
         frame: str | None = None,
         arrived: float | None = None,
     ) -> None:
-        """A cloud (k, 3) [m] on ``TOPIC``, with a number of each point in `more`; in a frame called after its topic by default."""
+        """A cloud (k, 3) [m] on ``TOPIC``, with a number of each point in `more`.
+
+        Its frame is that of the camera above its topic by default.
+        """
         places = np.asarray(points, np.float32).reshape(-1, 3)
         more_of = {name: np.asarray(each, np.float32) for name, each in (more or {}).items()}
         columns = {**dict(zip("xyz", places.T, strict=True)), **more_of}

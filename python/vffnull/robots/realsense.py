@@ -22,7 +22,7 @@ MILLIMETRE = 1e-9  # m: a unit of depths that is so near to a millimetre is one
 
 
 class RealSense:
-    """The depth stream of a camera: what it says of its lens, and its pictures with the times when they were taken.
+    """The depth stream of a camera: its lens, and its pictures with the times when they were taken.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class RealSense:
     recording : str, optional
         A ``.bag`` of `rs.recorder` instead of a camera.
     source : object, optional
-        Something with ``wait_for_frame``, as `rs.frame_queue`, instead of a camera: its next picture is waited for at once.
+        Something with ``wait_for_frame``, as `rs.frame_queue`, instead of a camera.
 
     Raises
     ------
@@ -103,7 +103,7 @@ class RealSense:
             self._pipeline = None
 
     def camera(self, position: Sequence[float], orientation: Sequence[float]) -> dict[str, Any]:
-        """What a `vffnull.Perceiver` is told of it, which stands at a position [m] with a quaternion [w, x, y, z].
+        """What a `vffnull.Perceiver` is told of it, at a position [m] with a quaternion [w, x, y, z].
 
         Raises
         ------
@@ -156,8 +156,10 @@ class RealSense:
             raise InputError(f"no picture came for {1e-3 * TIMEOUT:g} s: {error}") from None
 
     def _time(self, frame: Any) -> float:
-        """On our clock: stamps of the host's clock are moved by what the clocks differ, those of the camera's own by the shortest
-        time that a picture has taken to come, which is then told from none.
+        """When it was taken, on our clock.
+
+        Stamps of the host's clock are moved by what the clocks differ; those of the camera's own as if the
+        picture that came quickest had come at once.
         """
         stamp, now = 1e-3 * frame.get_timestamp(), self._clock()
         if frame.frame_timestamp_domain == self._rs.timestamp_domain.hardware_clock:

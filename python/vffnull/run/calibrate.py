@@ -1,4 +1,4 @@
-"""Whether the arm in the pictures lies where the model says, and by how much cameras and clocks are off (T185)."""
+"""Whether the arm in pictures lies where the model says, and how cameras and clocks are off (T185)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ __all__ = ["CameraCalibration", "calibrate"]
 PICTURES = 80  # of a camera, evenly over the recording
 POINTS = 400  # of a picture, near the arm
 STATES = 20_000
-GATES = (0.12, 0.06, 0.03)  # m: what is farther from the model is not the arm; the last one is also for the result
+GATES = (0.12, 0.06, 0.03)  # m: what is farther from the model is not the arm
+TIGHT = 0.006  # m: nearer than this no point is left out
+STEP = 1e-5  # m, rad, s: of differences
 LOSS = 0.004  # m: residuals beyond are weighed less
 LEAST = 200  # points without which nothing is said
 MOTION = 0.05  # rad/s: an arm that is slower throughout does not tell the time
@@ -34,7 +36,7 @@ MOTION = 0.05  # rad/s: an arm that is slower throughout does not tell the time
 
 @dataclass(frozen=True)
 class CameraCalibration:
-    """How a camera lies beside where it is said to stand. Standard deviations are those of the pictures' scatter."""
+    """How a camera is off. Standard deviations are those of the scatter between pictures."""
 
     topic: str
     pictures: int
@@ -56,7 +58,7 @@ class CameraCalibration:
     after: float
     """With it."""
     bias: float
-    """Mean distance with it, negative within: how much larger than the arm its shapes are, as far as this is one number [m]."""
+    """Mean distance with it [m]; negative where the shapes are larger than the arm."""
     camera: dict[str, Any]
     """The camera with the correction, as `vffnull.Perceiver` wants it."""
 
@@ -73,19 +75,20 @@ def calibrate(
     topics: Sequence[str] = (),
     base: str | None = None,
     joints: Sequence[str] = (),
-    range: float = 3.0,
+    max_depth: float = 3.0,
 ) -> list[CameraCalibration]:
     """Compare the arm in the pictures of a recording with its model: how each camera, and its clock, is off.
 
-    The arm has to move, and nobody should be near it. Its points are laid on the surface of the model by a rigid correction of
-    the camera and a shift of its clock. What is estimated is as good as the shapes of the model: where capsules are wider than the
-    arm, a correction along the view takes a part of that, and ``bias`` the rest.
+    The arm has to move, and nobody should be near it. Its points are laid on the surface of the model by a
+    rigid correction of the camera and a shift of its clock. What is estimated is as good as the shapes of
+    the model: where capsules are wider than the arm, a correction along the view takes a part of that, and
+    ``bias`` the rest.
 
     Parameters
     ----------
     recording, arm, cameras, topics, base, joints
         As of `vffnull.perceive`.
-    range : float, optional
+    max_depth : float, optional
         What is deeper in the picture is left out [m].
 
     Returns
@@ -107,10 +110,8 @@ def calibrate(
     """
     extra("scipy.optimize", "evaluate")
     cell = Cell(Path(recording), arm, cameras=cameras, topics=topics, base=base, joints=joints)
-    course, shots = _gathered(cell, float(range))
-    return [
-        _fit(cell, number, course, shots[number]) for number in np.arange(len(cell.sources)).tolist()
-    ]
+    course, shots = _gathered(cell, float(max_depth))
+    return [_fit(cell, number, course, shots[number]) for number in range(len(cell.sources))]
 
 
 @dataclass(frozen=True)
@@ -137,11 +138,11 @@ class _Thinned:
         self._count += 1
 
 
-def _gathered(cell: Cell, range: float) -> tuple[Any, list[list[_Frame]]]:
+def _gathered(cell: Cell, max_depth: float) -> tuple[Any, list[list[_Frame]]]:
     """The course of the arm, and pictures of each camera."""
     interpolate = extra("scipy.interpolate", "evaluate")
     least = max(1, int(min(np.sqrt(c["rows"] * c["columns"] / 20_000) for c in cell.cameras)))
-    reader = Perceiver(cell.arm, cell.cameras, {"stride": least, "range": range, "voxel": 0.2})
+    reader = Perceiver(cell.arm, cell.cameras, {"stride": least, "range": max_depth, "voxel": 0.2})
     states, frames = _Thinned(STATES), [_Thinned(PICTURES) for _ in cell.sources]
     last = -np.inf
     for event in cell.events():
@@ -151,7 +152,7 @@ def _gathered(cell: Cell, range: float) -> tuple[Any, list[list[_Frame]]]:
             def frame(shot: Shot = shot) -> _Frame:
                 seen = shot.cloud if shot.depth is None else reader.deproject(shot.depth, shot.camera)
                 seen = np.asarray(seen)
-                return _Frame(shot.t, seen[seen[:, 2] < range])
+                return _Frame(shot.t, seen[seen[:, 2] < max_depth])
 
             frames[event.camera].add(frame)
         elif event.t > last:
@@ -174,22 +175,29 @@ def _fit(cell: Cell, number: int, course: Any, frames: list[_Frame]) -> CameraCa
     model = _Surface(cell.arm, source.camera, course, 7 if moves else 6)
     found, chosen = np.zeros(model.size), frames
     random = np.random.default_rng(0)
-    before = 0.0
-    for gate in GATES:
-        chosen = [each for each in (model.near(frame, found, gate, random) for frame in frames) if len(each.points)]
+    gates, residuals = list(GATES), np.zeros(0)
+    while gates:
+        gate = gates.pop(0)
+        near = (model.near(frame, found, gate, random) for frame in frames)
+        chosen = [each for each in near if len(each.points)]
         count = sum(len(each.points) for each in chosen)
         if count < LEAST:
             raise InputError(
-                f"{source.topic}: {count} points in {len(frames)} pictures lie within {gate:g} m of the arm where the model says; "
-                "too few to say by how much the camera is off"
+                f"{source.topic}: {count} points in {len(frames)} pictures lie within {gate:g} m of the arm "
+                "where the model says; too few to say by how much the camera is off"
             )
-        if gate == GATES[0]:
-            before = float(np.median(np.abs(model.residuals(found, chosen))))
         done = optimize.least_squares(
-            model.residuals, found, args=(chosen,), loss="soft_l1", f_scale=LOSS, x_scale=model.scale, diff_step=1e-4
+            model.residuals,
+            found,
+            model.jacobian,
+            args=(chosen,),
+            loss="soft_l1",
+            f_scale=LOSS,
+            x_scale=model.scale,
         )
-        found = done.x
-    residuals = model.residuals(found, chosen)
+        found, residuals = done.x, model.residuals(done.x, chosen)
+        if gate == GATES[-1]:  # and once more, by how the points scatter
+            gates.append(max(TIGHT, 6.0 * float(np.median(np.abs(residuals)))))
     deviations = _deviations(model, found, chosen)
     axes = _rotation(found[:3]) @ matrices(_unit(source.camera))
     place = np.array(source.camera["position"]) + found[3:6]
@@ -205,7 +213,7 @@ def _fit(cell: Cell, number: int, course: Any, frames: list[_Frame]) -> CameraCa
         translation_deviation=float(np.linalg.norm(deviations[3:6])),
         rotation_deviation=float(np.linalg.norm(deviations[:3])),
         time_deviation=float(deviations[6]) if moves else None,
-        before=before,
+        before=float(np.median(np.abs(model.residuals(np.zeros(model.size), chosen)))),
         after=float(np.median(np.abs(residuals))),
         bias=float(np.mean(residuals)),
         camera=corrected,
@@ -213,49 +221,49 @@ def _fit(cell: Cell, number: int, course: Any, frames: list[_Frame]) -> CameraCa
 
 
 class _Surface:
-    """Distances of points from the arm, by a correction: a rotation vector, a translation and a shift in time."""
+    """Distances of points from the arm, by a rotation vector, a translation and a shift in time."""
 
     def __init__(self, arm: Arm, camera: dict[str, Any], course: Any, size: int) -> None:
         self._arm, self._course, self.size = arm, course, size
         self._camera, self._origin = camera, np.array(camera["position"])
         self.scale = np.array([0.01] * 6 + [0.01])[:size]
 
-    def _distances(self, x: Array, frame: _Frame) -> Array:
+    def _distances(self, x: Array, frame: _Frame) -> tuple[Array, NDArray[np.int64]]:
         turned = (in_world(self._camera, frame.points) - self._origin) @ _rotation(x[:3]).T
         t = frame.t + (x[6] if self.size > 6 else 0.0)
         q = self._course(np.clip(t, self._course.x[0], self._course.x[-1]))
-        found: Array = surface_distances(self._arm, q, turned + self._origin + x[3:6])[0]
-        return found
+        return surface_distances(self._arm, q, turned + self._origin + x[3:6])
 
     def residuals(self, x: Array, frames: list[_Frame]) -> Array:
-        return np.concatenate([self._distances(x, frame) for frame in frames])
+        return np.concatenate([self._distances(x, frame)[0] for frame in frames])
+
+    def jacobian(self, x: Array, frames: list[_Frame]) -> Array:
+        steps = STEP * np.eye(self.size)
+        columns = [(self.residuals(x + e, frames) - self.residuals(x - e, frames)) / (2.0 * STEP) for e in steps]
+        return np.stack(columns, axis=-1)
 
     def near(self, frame: _Frame, x: Array, gate: float, random: np.random.Generator) -> _Frame:
-        """What of a picture may be the arm."""
-        own = np.flatnonzero(np.abs(self._distances(x, frame)) < gate)
+        """What of a picture may be a link that moves: on the base stands what it is mounted on."""
+        distances, links = self._distances(x, frame)
+        own = np.flatnonzero((np.abs(distances) < gate) & (links >= 0))
         if len(own) > POINTS:
             own = random.choice(own, POINTS, replace=False)
         return _Frame(frame.t, frame.points[own])
 
 
 def _deviations(model: _Surface, x: Array, frames: list[_Frame]) -> Array:
-    """Standard deviations of the correction from the scatter between pictures: points of one are not independent."""
-    step = 1e-4 * np.ones(model.size)
+    """Standard deviations from the scatter between pictures: points of one are not independent."""
     normal, scatter = np.zeros((model.size, model.size)), np.zeros((model.size, model.size))
     for frame in frames:
-        residual = model.residuals(x, [frame])
-        columns = [
-            (model.residuals(x + e, [frame]) - model.residuals(x - e, [frame])) / (2.0 * e.max())
-            for e in np.diag(step)
-        ]
-        J = np.stack(columns, axis=-1)
+        residual, J = model.residuals(x, [frame]), model.jacobian(x, [frame])
         weight = 1.0 / np.sqrt(1.0 + (residual / LOSS) ** 2)  # of the loss soft_l1
         normal += J.T @ (weight[:, None] * J)
         pull = J.T @ (weight * residual)
         scatter += np.outer(pull, pull)
     inverse = np.linalg.pinv(normal)
     count = len(frames)
-    return np.sqrt(np.diag(inverse @ scatter @ inverse) * count / max(count - 1, 1))
+    deviations: Array = np.sqrt(np.diag(inverse @ scatter @ inverse) * count / max(count - 1, 1))
+    return deviations
 
 
 def _rotation(vector: Array) -> Array:
@@ -267,4 +275,5 @@ def _rotation(vector: Array) -> Array:
 
 def _unit(camera: Mapping[str, Any]) -> Array:
     turn = np.array(camera["orientation"], float)
-    return turn / np.linalg.norm(turn)
+    unit: Array = turn / np.linalg.norm(turn)
+    return unit

@@ -1,4 +1,4 @@
-"""A recording replayed through a perceiver: what is seen of the arm, what is left, what moves, and what it costs."""
+"""A recording replayed through a perceiver: what is the arm, what is left, what moves, what it costs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull._support.files import replacing
 from vffnull.logs import ros2
-from vffnull.run.recording import Cell, Shot, State
+from vffnull.run.recording import Cell, Shot
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +47,7 @@ class CameraReport:
     """Of what was cut away the share of each link, from every tenth picture."""
     period: float = 0.0
     gaps: int = 0
-    """Times between two pictures that are longer than one and a half of the usual one, and the longest of all."""
+    """Times between two pictures that are longer than one and a half of the usual one; the longest."""
     longest: float = 0.0
     delay: tuple[float, float] = (0.0, 0.0)
     """From when a picture was taken until it was recorded, median and 99th percentile."""
@@ -112,14 +112,15 @@ def perceive(
 ) -> PerceptionReport:
     """Replay a recording of depth cameras and joints through a `vffnull.Perceiver`.
 
-    It is read as a stream in the order of log time: a picture is taken in with the states that had come until then, as on
-    the robot.
+    It is read as a stream in the order of log time: a picture is taken in with the states that had come until
+    then, as on the robot.
 
     Parameters
     ----------
     recording : str or path
-        An MCAP file with ROS 2 messages: ``sensor_msgs`` ``Image`` (``16UC1`` [mm], ``32FC1`` [m]), ``CompressedImage``
-        (``compressedDepth``) or ``PointCloud2``, ``CameraInfo`` and ``JointState``, and ``tf2_msgs`` ``TFMessage``.
+        An MCAP file with ROS 2 messages: ``sensor_msgs`` ``Image`` (``16UC1`` [mm], ``32FC1`` [m]),
+        ``CompressedImage`` (``compressedDepth``) or ``PointCloud2``, ``CameraInfo`` and ``JointState``, and
+        ``tf2_msgs`` ``TFMessage``.
     arm : Arm
         The arm that is in the pictures.
     settings : Mapping, optional
@@ -127,8 +128,8 @@ def perceive(
     known : sequence of Obstacle or Mapping, optional
         What stands around and is not to be seen again.
     cameras : Mapping, optional
-        What the recording does not say of its cameras, or says wrongly: a mapping for each, by its topic, with keys as of
-        `vffnull.Perceiver`, and ``time_offset`` [s], which is added to the times of its pictures.
+        What the recording does not say of its cameras, or says wrongly: a mapping of each, by topic, with
+        keys as of `vffnull.Perceiver`, and ``time_offset`` [s], which is added to the times of its pictures.
     topics : sequence of str, optional
         The topics of the pictures; by default all that have depths.
     base : str, optional
@@ -136,7 +137,8 @@ def perceive(
     joints : sequence of str, optional
         What the recording calls the joints, from the base; by default as the model does.
     out : str or path, optional
-        Where points and tracks go: ``.mcap`` (``PointCloud2`` on ``/vffnull/points`` and ``/vffnull/tracks``) or ``.rrd``.
+        Where points and tracks go: ``.mcap``, as ``PointCloud2`` on ``/vffnull/points`` and
+        ``/vffnull/tracks``, or ``.rrd``.
 
     Returns
     -------
@@ -146,7 +148,7 @@ def perceive(
     Raises
     ------
     vffnull.errors.InputError
-        If the recording is broken, or does not say where a camera stands, what it is, or where the joints are.
+        If the recording is broken, or does not say what a camera is, where it stands, or where joints are.
     ImportError
         Without the extra ``vffnull[mcap]``, or ``vffnull[rerun]`` for an ``.rrd``.
 
@@ -158,7 +160,9 @@ def perceive(
     """
     target = None if out is None else Path(out)
     if target is not None and target.suffix not in (".mcap", ".rrd"):
-        raise InputError(f"{target}: points are written as .mcap or .rrd, not {target.suffix or 'without an ending'}")
+        raise InputError(
+            f"{target}: points are written as .mcap or .rrd, not {target.suffix or 'without an ending'}"
+        )
     cell = Cell(Path(recording), arm, cameras=cameras, topics=topics, base=base, joints=joints)
     perceiver = Perceiver(arm, cell.cameras, dict(settings or {}), list(known))
     with ExitStack() as stack:
@@ -201,7 +205,12 @@ class _Replay:
             self._sum_up(number, camera)
         points = (int(np.median(self._points)), max(self._points)) if self._points else (0, 0)
         return PerceptionReport(
-            max(end, last if states else 0.0), states, late, points, self._cameras, list(self._tracks.values())
+            max(end, last if states else 0.0),
+            states,
+            late,
+            points,
+            self._cameras,
+            list(self._tracks.values()),
         )
 
     def _see(self, shot: Shot) -> None:
@@ -211,6 +220,7 @@ class _Replay:
             if shot.depth is not None:
                 counts = self._perceiver.see(shot.depth, shot.t, number)
             else:
+                assert shot.cloud is not None  # it is one or the other
                 counts = self._perceiver.see_points(shot.cloud, shot.t, number)
         except InputError as error:
             self._refused[number][_reason(str(error))] += 1

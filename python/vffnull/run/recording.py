@@ -1,4 +1,4 @@
-"""A recording of a robot's cell: which cameras looked, where they stood, and what they and the joints said."""
+"""A recording of a robot's cell: which cameras looked, where they stood, what they and the joints said."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KEYS = ("columns", "rows", "focal", "centre", "distortion", "position", "orienta
 
 @dataclass
 class Source:
-    """A camera of a recording: its topic, what `vffnull.Perceiver` is told of it, and by what its clock is off."""
+    """A camera of a recording: its topic, what a perceiver is told of it, and how its clock is off."""
 
     topic: str
     camera: dict[str, Any]
@@ -49,7 +49,7 @@ class State:
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture (rows, columns) or a cloud (k, 3) of a camera, by its number; when it was taken and when it came [s]."""
+    """A picture (rows, columns) or a cloud (k, 3), when it was taken and when it came [s]."""
 
     camera: int
     t: float
@@ -59,7 +59,7 @@ class Shot:
 
 
 def read_cameras(path: Path) -> dict[str, dict[str, Any]]:
-    """What a TOML file says of cameras: a table of each, called after its topic, with keys as of `vffnull.Perceiver` and ``time_offset``."""
+    """What a TOML file says of cameras: a table of each, by its topic, with `KEYS` and ``time_offset``."""
     document = _core.parse_toml(path.read_text(encoding="utf-8"), str(path))
     for topic, given in document.items():
         if not isinstance(given, dict):
@@ -93,7 +93,7 @@ class Cell:
     cameras : Mapping, optional
         What the recording does not say, or says wrongly: by topic, as of `read_cameras`.
     topics : sequence of str, optional
-        Which topics are the cameras'; all that have depths by default, of a camera with pictures and clouds the pictures.
+        The topics of the pictures; all that have depths by default, and of a camera with both no clouds.
     base : str, optional
         The frame at the base of the arm; that of the model by default.
     joints : sequence of str, optional
@@ -175,11 +175,13 @@ class Cell:
                 for topic, each in pictures.items()
                 if each.depth is not None or self._lens(each, known) not in seen
             }
-        return [self._source(each, known, dict(given.get(topic, {}))) for topic, each in sorted(pictures.items())]
+        return [
+            self._source(each, known, dict(given.get(topic, {}))) for topic, each in sorted(pictures.items())
+        ]
 
     @staticmethod
     def _lens(picture: ros2.Picture, known: _Known) -> str | None:
-        """The topic on which the camera of a picture tells of itself: beside it, above it, or with its frame."""
+        """Where the camera of a picture tells of itself: beside it, above it, or with its frame."""
         folder = picture.topic
         while folder := folder.rpartition("/")[0]:
             if f"{folder}/camera_info" in known.lenses:
@@ -213,8 +215,9 @@ class Cell:
         (root, pose, above), (other, base, below) = (_to_root(name, frames) for name in (frame, self._base))
         if root != other:
             raise InputError(
-                f"{self.path}: {topic}: no transform leads from its frame {frame!r} to the base {self._base!r}: one ends at "
-                f"{root!r}, the other at {other!r}; name another base, or say position and orientation in a file of cameras"
+                f"{self.path}: {topic}: no transform leads from {frame!r} to the base {self._base!r}: "
+                f"one ends at {root!r}, the other at {other!r}; name another base, or say position and "
+                "orientation in a file of cameras"
             )
         return self._mount @ np.linalg.inv(base) @ pose, above | below
 
@@ -265,7 +268,9 @@ def _intrinsics(lens: ros2.Lens, topic: str, picture: ros2.Picture) -> dict[str,
     """What a message ``CameraInfo`` says of a camera; of a picture that is rectified without the lens."""
     rows, columns = lens.size
     if picture.depth is not None and picture.depth.shape != (rows, columns):
-        raise InputError(f"{topic}: pictures are {picture.depth.shape}, and {lens.topic} says ({rows}, {columns})")
+        raise InputError(
+            f"{topic}: pictures are {picture.depth.shape}, and {lens.topic} says ({rows}, {columns})"
+        )
     matrix, distortion = lens.K, lens.D
     if picture.cloud is not None or "rect" in topic.rpartition("/")[2]:
         distortion = []
@@ -274,8 +279,8 @@ def _intrinsics(lens: ros2.Lens, topic: str, picture: ros2.Picture) -> dict[str,
     bent = any(distortion)
     if bent and (lens.model not in ("plumb_bob", "rational_polynomial") or any(distortion[5:])):
         raise InputError(
-            f"{lens.topic}: the lens is {lens.model} with {len(distortion)} numbers; plumb_bob with five is known. "
-            "Record the rectified picture instead"
+            f"{lens.topic}: the lens is {lens.model} with {len(distortion)} numbers; plumb_bob with five is "
+            "known. Record the rectified picture instead"
         )
     return {
         "columns": columns,
