@@ -112,7 +112,7 @@ def test_no_camera_and_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vffnull.robots.realsense.TIMEOUT", 20)
     with pytest.raises(InputError, match="no picture came for"):
         RealSense(source=Device().queue)
-    with pytest.raises(InputError, match="no RealSense"):
+    with pytest.raises(InputError, match="no RealSense 000000000000: there are none"):
         RealSense(serial="000000000000")
     device = Device()
     device.show(np.zeros((60, 80), np.uint16), 1.0, OWN)

@@ -43,16 +43,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def watched(folder: Path) -> Path:
     """Two cameras that stand where they say, and a ball."""
     eyes = {"/left/depth": LEFT, "/above/depth": ABOVE}
-    return record(folder / "watched.mcap", eyes, eyes, seconds=1.6, things=ball)
+    return record(folder / "watched.mcap", eyes, eyes, seconds=1.2, things=ball)
 
 
 def test_what_a_replay_tells(watched: Path) -> None:
     """Pixels of the arm, links, delays; the ball moves as it does; and with nobody there nothing is left."""
     report = vff.perceive(watched, ARM, settings=SETTINGS, known=[FLOOR])
-    assert report.states == 160 and report.late_states == 0 and report.refused == 0
+    assert report.states == 120 and report.late_states == 0 and report.refused == 0
     assert [each.topic for each in report.cameras] == ["/above/depth/image", "/left/depth/image"]
     for camera in report.cameras:
-        assert camera.pictures == 24 and camera.gaps == 0 and camera.moved == 0.0
+        assert camera.pictures == 18 and camera.gaps == 0 and camera.moved == 0.0
         assert 0.03 < camera.own / camera.measured < 0.3 and camera.left_out == 0
         assert camera.delay == pytest.approx((0.03, 0.03), abs=1e-6)
         assert camera.period == pytest.approx(1 / 15, abs=1e-6)
@@ -61,7 +61,7 @@ def test_what_a_replay_tells(watched: Path) -> None:
         assert len(camera.own_by_link) > 4 and set(camera.own_by_link) <= {"base", *ARM.link_names}
     assert 5 < report.points[0] <= report.points[1]
     longest = max(report.tracks, key=lambda track: track.until - track.since)
-    assert longest.until - longest.since > 1.0
+    assert longest.until - longest.since > 0.7
     assert np.abs(np.subtract(longest.velocity, [0.0, 0.4, 0.0])).max() < 0.1
     json.dumps(report.to_dict())
 
@@ -85,12 +85,12 @@ def test_what_is_written_is_what_is_left(watched: Path, folder: Path) -> None:
     report = vff.perceive(watched, ARM, settings=SETTINGS, known=[FLOOR], out=out)
     assert report.files == [str(out)]
     clouds = [m for m in ros2.messages(out) if isinstance(m, ros2.Picture) and m.topic == "/vffnull/points"]
-    assert len(clouds) == 48 and clouds[-1].frame == "panda_link0"
+    assert len(clouds) == 36 and clouds[-1].frame == "panda_link0"
     counts = [len(cloud.cloud) for cloud in clouds if cloud.cloud is not None]
     assert (int(np.median(counts)), max(counts)) == report.points
     last = clouds[-1].cloud
     assert last is not None
-    away = np.linalg.norm(last - ball(1.57)[0][0], axis=1) - 0.06
+    away = np.linalg.norm(last - ball(17.5 / 15)[0][0], axis=1) - 0.06
     assert np.median(np.abs(away)) < 0.02
     with pytest.raises(InputError, match=r"points are written as .mcap or .rrd, not .txt"):
         vff.perceive(watched, ARM, out=folder / "seen.txt")
@@ -260,12 +260,12 @@ def test_errors_are_found(tmp_path: Path, moved: Any, turned: Any, clock: float,
     away, angle = errors(found, LEFT, truth["/left"])
     assert found.time_offset is not None and found.time_deviation is not None
     late = abs(found.time_offset + clock)
-    assert away < 0.003 and angle < 0.003 and late < 0.002, (away, angle, late, found)
-    assert found.translation_deviation < 0.003 and found.time_deviation < 0.002
-    assert away < 4.0 * found.translation_deviation + 0.001
-    assert angle < 4.0 * found.rotation_deviation + 0.0005
-    assert late < 4.0 * found.time_deviation + 0.0005
-    assert found.after <= found.before and found.after < 0.004
+    assert away < 0.001 and angle < 0.0006 and late < 0.0005, (away, angle, late, found)
+    assert found.translation_deviation < 0.0006 and found.time_deviation < 0.0005
+    assert away < 4.0 * found.translation_deviation + 1e-4
+    assert angle < 4.0 * found.rotation_deviation + 1e-4
+    assert late < 4.0 * found.time_deviation + 1e-4
+    assert found.after <= found.before and found.after < 0.002 and abs(found.bias) < 2e-4
 
 
 def test_what_is_found_mends_the_replay(tmp_path: Path) -> None:
@@ -354,7 +354,7 @@ JUDGED = """
     (found,) = vff.calibrate(path, ARM)
     away, angle = errors(found, said, truth)
     print(found, away, angle)
-    assert away < 0.003 and angle < 0.003 and abs(found.time_offset + 0.02) < 0.002
+    assert away < 0.002 and angle < 0.001 and abs(found.time_offset + 0.02) < 0.001
     floor = vff.Obstacle.half_space([0.0, 0.0, -0.05], [0.0, 0.0, 1.0])
     report = vff.perceive(path, ARM, settings={"stride": 1}, known=[floor])
     assert report.points == (0, 0) and report.cameras[0].own > 10_000, report

@@ -72,9 +72,11 @@ class RealSense:
             config = rs.config()
             if recording is not None:
                 config.enable_device_from_file(recording, repeat_playback=False)
-            elif serial is not None:
-                config.enable_device(serial)
-            if recording is None:
+            else:
+                there = [each.get_info(rs.camera_info.serial_number) for each in rs.context().query_devices()]
+                if not there or serial not in (None, *there):
+                    raise InputError(f"no RealSense {serial or ''}: there are {', '.join(there) or 'none'}")
+                config.enable_device(serial or there[0])
                 config.enable_stream(rs.stream.depth, *size, rs.format.z16, rate)
             self._pipeline = rs.pipeline()
             try:
