@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["CameraCalibration", "calibrate"]
 
 PICTURES = 80  # of a camera, evenly over the recording
-POINTS = 400  # of a picture, near the arm
+POINTS = 250  # of a picture, near the arm
 STATES = 20_000
 GATES = (0.12, 0.06, 0.03)  # m: what is farther from the model is not the arm
 TIGHT = 0.006  # m: nearer than this no point is left out
@@ -232,14 +232,17 @@ class _Surface:
         turned = (in_world(self._camera, frame.points) - self._origin) @ _rotation(x[:3]).T
         t = frame.t + (x[6] if self.size > 6 else 0.0)
         q = self._course(np.clip(t, self._course.x[0], self._course.x[-1]))
-        return surface_distances(self._arm, q, turned + self._origin + x[3:6])
+        distances, links = surface_distances(self._arm, q, turned + self._origin + x[3:6])
+        return distances, links
 
     def residuals(self, x: Array, frames: list[_Frame]) -> Array:
         return np.concatenate([self._distances(x, frame)[0] for frame in frames])
 
     def jacobian(self, x: Array, frames: list[_Frame]) -> Array:
         steps = STEP * np.eye(self.size)
-        columns = [(self.residuals(x + e, frames) - self.residuals(x - e, frames)) / (2.0 * STEP) for e in steps]
+        columns = [
+            (self.residuals(x + e, frames) - self.residuals(x - e, frames)) / (2.0 * STEP) for e in steps
+        ]
         return np.stack(columns, axis=-1)
 
     def near(self, frame: _Frame, x: Array, gate: float, random: np.random.Generator) -> _Frame:
