@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,13 @@ READY = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
 class Device:
     """A camera of 80 × 60 pixels, whose pictures are put into a queue."""
 
-    def __init__(self, unit: float = 1e-3, coefficients: Any = (0.0,) * 5, model: Any = None) -> None:
+    def __init__(
+        self,
+        unit: float = 1e-3,
+        coefficients: Any = (0.0,) * 5,
+        model: Any = None,
+        file: Path | None = None,
+    ) -> None:
         self.unit, self.count = unit, 0
         self._device = rs.software_device()
         self._sensor = self._device.add_sensor("Stereo")
@@ -33,8 +40,15 @@ class Device:
         self._profile = self._sensor.add_video_stream(stream)
         self._sensor.add_read_only_option(rs.option.depth_units, unit)
         self.queue = rs.frame_queue(10)
-        self._sensor.open(self._profile)
-        self._sensor.start(self.queue)
+        self._recorder = None if file is None else rs.recorder(str(file), self._device)
+        self._shown = self._sensor if self._recorder is None else self._recorder.query_sensors()[0]
+        self._shown.open(self._shown.get_stream_profiles()[0])
+        self._shown.start(self.queue)
+
+    def close(self) -> None:
+        self._shown.stop()
+        self._shown.close()
+        self._recorder = self._shown = None
 
     def show(self, depth: np.ndarray, stamp: float, domain: Any) -> None:
         frame = rs.software_video_frame()
@@ -85,6 +99,22 @@ def test_units_and_times() -> None:
     now[0] = 7.05
     device.show(np.zeros((60, 80), np.uint16), 100.06, OWN)
     assert eye.read()[0] == pytest.approx(7.05)
+
+
+def test_a_recording_is_played(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if it happened now: a slow reader misses some, and those that come have lens, depths and stamps."""
+    monkeypatch.setattr("vffnull.robots.realsense.TIMEOUT", 500)
+    device = Device(file=tmp_path / "r.db3")
+    for k in range(10):
+        device.show(np.full((60, 80), 1000 + k, np.uint16), 10.0 + 0.03 * k, OWN)
+        assert device.queue.wait_for_frame(1000)
+    device.close()
+    with RealSense(recording=str(tmp_path / "r.db3"), clock=lambda: 4.0) as eye:
+        assert eye.camera([0.0] * 3, [1.0, 0.0, 0.0, 0.0])["rows"] == 60
+        found = [int(depth[0, 0]) for _, depth in eye]
+    assert found and found == sorted(set(found)) and set(found) <= set(range(1000, 1010))
+    with pytest.raises(InputError, match="no RealSense"):
+        RealSense(recording=str(tmp_path / "none.db3"))
 
 
 def test_lenses() -> None:

@@ -1185,7 +1185,7 @@ class Perceiver:
             state of the arm is near its time. Nothing has changed then.
         """
     def deproject(self, depth: ArrayLike, camera: int = 0) -> _Array:
-        """The points of a picture in the frame of its camera, of the pixels that `see` looks at. Changes nothing.
+        """The points of a picture in the frame of its camera, of the pixels that `see` looks at.
 
         Parameters
         ----------

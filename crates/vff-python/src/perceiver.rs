@@ -357,7 +357,7 @@ impl Perceiver {
         told(py, self.with(py, |core| core.see_points(camera, t, &given))?)
     }
 
-    /// The points of a picture in the frame of its camera, of the pixels that `see` looks at. Changes nothing.
+    /// The points of a picture in the frame of its camera, of the pixels that `see` looks at.
     ///
     /// Parameters
     /// ----------

@@ -35,7 +35,7 @@ class RealSense:
     clock : callable, optional
         The clock of the states of the arm [s].
     recording : str, optional
-        A ``.bag`` of `rs.recorder` instead of a camera.
+        A file of `rs.recorder`, ``.db3`` or ``.bag``, which is played as if it happened now.
     source : object, optional
         Something with ``wait_for_frame``, as `rs.frame_queue`, instead of a camera.
 
@@ -82,6 +82,7 @@ class RealSense:
             try:
                 self._pipeline.start(config)
             except RuntimeError as error:
+                self._pipeline = None
                 raise InputError(f"no RealSense: {error}") from None
         try:
             self._first = self._next()
