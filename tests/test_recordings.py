@@ -208,7 +208,9 @@ def test_a_camera_that_moves_is_told(tmp_path: Path) -> None:
         moved = off(LEFT, [0.03, 0.0, 0.04])
         file.frame(0.15, "panda_link0", "eye_frame", moved["position"], moved["orientation"])
         file.picture("/eye", 0.16, take(LEFT, capsules(q)))
-    assert vff.perceive(path, ARM, settings=SETTINGS).cameras[0].moved == pytest.approx(0.05)
+    (found,) = vff.perceive(path, ARM, settings=SETTINGS).cameras
+    assert found.moved == pytest.approx(0.05) and found.turned == 0.0
+    assert "the camera moves" in command(path, "--arm", "panda", code=3, errors=True)
 
 
 def test_broken_files(watched: Path, tmp_path: Path) -> None:
@@ -222,6 +224,18 @@ def test_broken_files(watched: Path, tmp_path: Path) -> None:
         path.write_bytes(data)
         with pytest.raises(InputError, match="not a sound MCAP recording"):
             vff.perceive(path, ARM, settings=SETTINGS)
+    random, small = np.random.default_rng(5), written(tmp_path / "small.mcap").read_bytes()
+    wrong = 0
+    for _ in range(100):
+        spoilt = bytearray(small)
+        for place in random.integers(len(small), size=2):
+            spoilt[place] ^= int(random.integers(1, 256))
+        (tmp_path / "spoilt.mcap").write_bytes(spoilt)
+        try:
+            vff.perceive(tmp_path / "spoilt.mcap", ARM, settings=SETTINGS)
+        except InputError:
+            wrong += 1
+    assert wrong > 50
     with Recorder(tmp_path / "nothing.mcap") as file:
         file.joints(0.0, ARM.joint_names, MEAN)
     with pytest.raises(
@@ -287,10 +301,9 @@ def test_what_is_found_mends_the_replay(tmp_path: Path) -> None:
     assert told["points"][1] <= 2 and told["cameras"][0]["pictures"] == blind.cameras[0].pictures
 
 
-def command(*arguments: object, code: int = 0, scene: Path | None = None) -> str:
+def command(*arguments: object, code: int = 0, scene: Path | None = None, errors: bool = False) -> str:
     if scene is not None:
-        floor = FLOOR.to_dict() if hasattr(FLOOR, "to_dict") else {}
-        vff.Scenario.load("panda-sweep").replace(obstacles=[floor]).save(scene)
+        vff.Scenario.load("panda-sweep").replace(obstacles=[FLOOR.to_dict()]).save(scene)
     done = subprocess.run(
         [sys.executable, "-m", "vffnull", "perceive", *map(str, arguments)],
         capture_output=True,
@@ -299,7 +312,7 @@ def command(*arguments: object, code: int = 0, scene: Path | None = None) -> str
     )
     assert done.returncode == code, done.stderr + done.stdout
     assert "Traceback" not in done.stderr
-    return done.stdout
+    return done.stderr if errors else done.stdout
 
 
 def test_an_arm_at_rest_and_one_that_is_elsewhere(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,8 @@ from click.shell_completion import CompletionItem
 
 import vffnull._core as _core
 from vffnull._support.errors import InputError
-from vffnull.cli.common import FAILED, FINE, assigned, echo_json, say
+from vffnull._support.progress import bar
+from vffnull.cli.common import FAILED, FINE, assigned, echo_json, interactive, say
 
 if TYPE_CHECKING:
     from vffnull.run.calibrate import CameraCalibration
@@ -115,14 +117,16 @@ def perceive(
         else:
             click.echo("\n\n".join(map(_calibrated, found)) + (f"\n\nwrote {out}" if out else ""))
         return FINE
-    report = replay.perceive(
-        recording, arm, settings=assigned(assignments), known=_obstacles(known), out=out, **where
-    )
+    given_settings, around = assigned(assignments), _obstacles(known)
+    with bar(1.0, delay=1.0, counts=".0% replayed") if interactive() else nullcontext() as shown:
+        report = replay.perceive(
+            recording, arm, settings=given_settings, known=around, out=out, progress=shown, **where
+        )
     if as_json:
         echo_json(report.to_dict() | {"version": _core.__version__})
     else:
         _tell(report)
-    moved = [each for each in report.cameras if each.moved]
+    moved = [each for each in report.cameras if each.moved or each.turned]
     for each in moved:
         say(
             f"warning: {each.topic}: the camera moves in the recording, a perceiver takes it to stand still",

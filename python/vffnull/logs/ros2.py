@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 
-__all__ = ["Joints", "Lens", "Message", "Picture", "Recorder", "Transform", "messages", "topics"]
+__all__ = ["Joints", "Lens", "Message", "Picture", "Recorder", "Transform", "messages", "outline"]
 
 Array = NDArray[Any]
 
@@ -100,46 +100,55 @@ def messages(path: Path, only: Sequence[str] | None = None) -> Iterator[Message]
     vffnull.errors.InputError
         If the file is no such recording, or is broken.
     """
-    reader, exceptions = extra("mcap.reader", "mcap"), extra("mcap.exceptions", "mcap")
+    try:
+        yield from _messages(path, only)
+    except (InputError, OSError):
+        raise
+    except Exception as error:  # its readers have errors of every kind for bytes that are no recording
+        about = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(
+            f"{path}: not a sound MCAP recording; `mcap recover` mends one that was cut off ({about})"
+        ) from None
+
+
+def _messages(path: Path, only: Sequence[str] | None) -> Iterator[Message]:
     decoders = extra("mcap_ros2.decoder", "mcap").DecoderFactory()
     kinds = {JOINTS, LENS, TRANSFORMS, IMAGE, COMPRESSED, CLOUD}
-    passed: set[str] = set()
-    """Topics of pictures without depths."""
+    passed: set[str] = set()  # topics of pictures without depths
     with path.open("rb") as stream:
-        try:
-            for schema, channel, message in reader.make_reader(stream).iter_messages():
-                topic = channel.topic
-                if schema is None or schema.name not in kinds or topic in passed:
-                    continue
-                shows = schema.name in (IMAGE, COMPRESSED, CLOUD)
-                if shows and only is not None and topic not in only:
-                    continue
-                decode = decoders.decoder_for(channel.message_encoding, schema)
-                if decode is None:
-                    raise InputError(
-                        f"{path}: {topic} is {channel.message_encoding} of {schema.encoding}, "
-                        "expected cdr of ros2msg"
-                    )
-                found = list(_read(schema.name, topic, message.log_time, decode(message.data)))
-                if shows and not found:
-                    passed.add(topic)
-                yield from found
-        except (exceptions.McapError, struct.error, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: not a sound MCAP recording: {error or type(error).__name__}") from None
+        reader = extra("mcap.reader", "mcap").make_reader(stream, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages():
+            topic = channel.topic
+            if schema is None or schema.name not in kinds or topic in passed:
+                continue
+            shows = schema.name in (IMAGE, COMPRESSED, CLOUD)
+            if shows and only is not None and topic not in only:
+                continue
+            decode = decoders.decoder_for(channel.message_encoding, schema)
+            if decode is None:
+                raise InputError(
+                    f"{path}: {topic} is {channel.message_encoding} of {schema.encoding}, "
+                    "expected cdr of ros2msg"
+                )
+            found = list(_read(schema.name, topic, message.log_time, decode(message.data)))
+            if shows and not found:
+                passed.add(topic)
+            yield from found
 
 
-def topics(path: Path) -> dict[str, str]:
-    """The kind of message on every topic that there is, as far as the file's summary says."""
-    reader, exceptions = extra("mcap.reader", "mcap"), extra("mcap.exceptions", "mcap")
+def outline(path: Path) -> tuple[dict[str, str], float]:
+    """The kind of message on every topic, and how long it is [s], as far as the file's summary says."""
     with path.open("rb") as stream:
         try:
-            summary = reader.make_reader(stream).get_summary()
-        except (exceptions.McapError, struct.error, UnicodeDecodeError):
-            return {}
+            summary = extra("mcap.reader", "mcap").make_reader(stream).get_summary()
+        except Exception:  # as above
+            summary = None
     if summary is None:
-        return {}
+        return {}, 0.0
     named = ((each.topic, summary.schemas.get(each.schema_id)) for each in summary.channels.values())
-    return {topic: schema.name for topic, schema in named if schema is not None}
+    kinds = {topic: schema.name for topic, schema in named if schema is not None}
+    counted = summary.statistics
+    return kinds, 1e-9 * (counted.message_end_time - counted.message_start_time) if counted else 0.0
 
 
 def _read(kind: str, topic: str, arrived: int, message: Any) -> Iterator[Message]:
@@ -192,7 +201,7 @@ def _raw(topic: str, message: Any) -> Array | None:
 
 def _compressed(topic: str, message: Any) -> Array | None:
     """A picture of ``compressed_depth_image_transport``: twelve bytes, and a PNG of 16 bits."""
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     encoding = message.format.partition(";")[0].strip()
     if "compressedDepth" not in message.format or encoding not in DEPTHS:
@@ -201,7 +210,7 @@ def _compressed(topic: str, message: Any) -> Array | None:
     try:
         _, a, b = struct.unpack_from("<iff", data)
         found = np.asarray(Image.open(io.BytesIO(data[12:]))).astype(np.uint16)
-    except (struct.error, UnidentifiedImageError, OSError) as error:
+    except Exception as error:  # the reader of PNG has errors of every kind, too
         raise InputError(f"{topic}: not a PNG behind twelve bytes: {error}") from None
     if DEPTHS[encoding] == "u2":
         return found

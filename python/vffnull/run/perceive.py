@@ -17,6 +17,7 @@ from vffnull._core import Arm, Perceiver, surface_distances
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull._support.files import replacing
+from vffnull._support.progress import Progress
 from vffnull.logs import ros2
 from vffnull.run.recording import Cell, Shot
 
@@ -54,7 +55,8 @@ class CameraReport:
     cost: tuple[float, float] = (0.0, 0.0)
     """Of taking it in, median and 99th percentile."""
     moved: float = 0.0
-    """How far the recording moves the camera, which has to stand still [m or rad]."""
+    turned: float = 0.0
+    """How far the recording moves the camera, which has to stand still [m, rad]."""
 
 
 @dataclass
@@ -109,6 +111,7 @@ def perceive(
     base: str | None = None,
     joints: Sequence[str] = (),
     out: str | os.PathLike[str] | None = None,
+    progress: Progress | None = None,
 ) -> PerceptionReport:
     """Replay a recording of depth cameras and joints through a `vffnull.Perceiver`.
 
@@ -140,6 +143,9 @@ def perceive(
         Where points and tracks go: ``.mcap``, as ``PointCloud2`` on ``/vffnull/points`` and
         ``/vffnull/tracks``, or ``.rrd``.
 
+    progress : callable, optional
+        Gets how much of the recording is done, and all of it [s].
+
     Returns
     -------
     PerceptionReport
@@ -167,7 +173,7 @@ def perceive(
     perceiver = Perceiver(arm, cell.cameras, dict(settings or {}), list(known))
     with ExitStack() as stack:
         paint = stack.enter_context(_painter(target, cell))
-        report = _Replay(cell, perceiver, paint).run()
+        report = _Replay(cell, perceiver, paint).run(progress)
     report.files = [] if target is None else [str(target)]
     return report
 
@@ -188,12 +194,15 @@ class _Replay:
         self._points: list[int] = []
         self._q: Array | None = None
 
-    def run(self) -> PerceptionReport:
+    def run(self, progress: Progress | None) -> PerceptionReport:
         states, late, last, end = 0, 0, -np.inf, 0.0
+        _, duration = ros2.outline(self._cell.path)
         for event in self._cell.events():
             if isinstance(event, Shot):
                 end = max(end, event.arrived)
                 self._see(event)
+                if progress is not None and duration > 0.0:
+                    progress(min(end, duration), duration)
                 continue
             states += 1
             if event.t > last:
@@ -264,7 +273,8 @@ class _Replay:
 
     def _sum_up(self, number: int, camera: CameraReport) -> None:
         camera.refused = dict(self._refused[number])
-        camera.moved = self._cell.sources[number].moved
+        source = self._cell.sources[number]
+        camera.moved, camera.turned = source.moved, source.turned
         total = sum(self._links[number].values())
         camera.own_by_link = {name: count / total for name, count in self._links[number].most_common()}
         between = np.diff(np.sort(self._taken[number]))

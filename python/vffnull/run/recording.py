@@ -32,7 +32,8 @@ class Source:
     camera: dict[str, Any]
     time_offset: float = 0.0
     moved: float = 0.0
-    """How far it has gone from where it stood at first [m]."""
+    turned: float = 0.0
+    """How far it has gone from where it stood at first [m, rad]; 0 where that is no more than rounding."""
     chain: frozenset[str] = frozenset()
     """The frames by which it is known where it stands."""
     frame: str = ""
@@ -164,7 +165,8 @@ class Cell:
         pictures = dict(known.pictures)
         if not pictures:
             what = f" on {', '.join(self._only)}" if self._only else ""
-            there = ", ".join(f"{name} ({kind})" for name, kind in sorted(ros2.topics(self.path).items()))
+            kinds, _ = ros2.outline(self.path)
+            there = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items()))
             raise InputError(f"{self.path}: no pictures with depths{what}; it has {there or 'nothing'}")
         if unknown := set(given) - set(pictures):
             raise InputError(f"cameras: no pictures on {sorted(unknown)[0]}; there are {', '.join(pictures)}")
@@ -257,8 +259,10 @@ class Cell:
             off = float(np.linalg.norm(pose[:3, 3] - source.camera["position"]))
             turned = pose[:3, :3] @ matrices(np.array(source.camera["orientation"])).T
             angle = float(np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0)))
-            if off > _STILL[0] or angle > _STILL[1]:
-                source.moved = max(source.moved, off, angle)
+            if off > _STILL[0]:
+                source.moved = max(source.moved, off)
+            if angle > _STILL[1]:
+                source.turned = max(source.turned, angle)
 
     def _seconds(self, stamp: int) -> float:
         return (stamp - self._start) * 1e-9
