@@ -393,7 +393,9 @@ def test_bad_options(watched: Path, tmp_path: Path) -> None:
     """Each with a sentence, and 2."""
     cameras = tmp_path / "c.toml"
     cameras.write_text('["/left/depth/image"]\nlens = 3\n', encoding="utf-8")
-    command(watched, "--arm", "pandda", code=2)
+    assert "did you mean 'panda'?" in command(watched, "--arm", "pandda", code=2, errors=True)
+    coarse = command(watched, "--arm", "panda", "--set", "least_points=50", errors=True)
+    assert "pixels are not the arm's, and no point is left of them" in coarse
     command(watched, "--arm", "panda", "--cameras", cameras, code=2)
     command(watched, "--arm", "panda", "--set", "voxels=1", code=2)
     command(watched, "--arm", "panda", "--topic", "/nobody", code=2)

@@ -15,6 +15,8 @@ use vff_core::runtime::{AnyObstacles, AnyState, DistanceTable};
 
 type Indices = Py<PyArray1<i64>>;
 type Values = Py<PyArrayDyn<f64>>;
+/// Of points: how far each is, and on which link.
+type OfPoints<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
 
 /// What `distances` returns; P pairs, one per link and obstacle, link by link.
 ///
@@ -191,7 +193,7 @@ pub fn surface_distances<'py>(
     arm: &Bound<'py, PyAny>,
     q: &Bound<'py, PyAny>,
     points: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>)> {
+) -> PyResult<OfPoints<'py>> {
     let py = arm.py();
     let arm = &arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get().arm;
     let n = arm.dof();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from contextlib import nullcontext
 from pathlib import Path
@@ -126,6 +127,13 @@ def perceive(
         echo_json(report.to_dict() | {"version": _core.__version__})
     else:
         _tell(report)
+    others = sum(each.measured - each.own for each in report.cameras)
+    if others and not report.points[1] and known is None:
+        say(
+            f"warning: {others} pixels are not the arm's, and no point is left of them: they are out of the "
+            "room, or farther apart than cells are wide (room, voxel, stride, least_points)",
+            "yellow",
+        )
     moved = [each for each in report.cameras if each.moved or each.turned]
     for each in moved:
         say(
@@ -142,12 +150,13 @@ def _arm(name: str) -> _core.Arm:
         return _core.Arm.from_urdf(name)
     if Path(name).suffix in (".xml", ".mjcf"):
         return _core.Arm.from_mjcf(name)
-    from vffnull.model.scenario import prepare
+    from vffnull.model.scenario import prepare, scenarios
 
-    try:
-        return prepare(name).arm
-    except FileNotFoundError:
-        raise InputError(f"--arm {name}: no bundled arm ({', '.join(_core.ARMS)}), nor a file") from None
+    if name not in scenarios() and not Path(name).suffix:
+        near = difflib.get_close_matches(name, _core.ARMS, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(_core.ARMS)}"
+        raise InputError(f"--arm: no bundled arm or scenario {name!r}, {hint}")
+    return prepare(name).arm
 
 
 def _obstacles(scenario: str | None) -> list[dict[str, Any]]:
@@ -211,14 +220,14 @@ def _calibrated(found: CameraCalibration) -> str:
     angles = ", ".join(f"{math.degrees(x):+.2f}" for x in found.rotation)
     lines = [
         click.style(found.topic, bold=True),
-        f"  translation  {1000 * move:.1f} ± {1000 * found.translation_deviation:.1f} mm   ({axes})",
-        f"  rotation     {turn:.2f} ± {math.degrees(found.rotation_deviation):.2f}°   ({angles})",
+        f"  translation  {1000 * move:.1f} ± {1000 * found.translation_deviation:.2f} mm   ({axes})",
+        f"  rotation     {turn:.2f} ± {math.degrees(found.rotation_deviation):.3f}°   ({angles})",
     ]
     if found.time_offset is None or found.time_deviation is None:
         lines.append("  clock        the arm hardly moves, so that it does not tell")
     else:
         lines.append(
-            f"  clock        {1000 * found.time_offset:+.1f} ± {1000 * found.time_deviation:.1f} ms "
+            f"  clock        {1000 * found.time_offset:+.1f} ± {1000 * found.time_deviation:.2f} ms "
             "to be added to the times of its pictures"
         )
     lines.append(
