@@ -1,9 +1,9 @@
 //! Whether a perceiver ever leaves a point of the arm itself: pictures of arms that move, by cameras that stand 5 mm beside where they
 //! are said to stand and whose clocks are 20 ms off, by a ray caster of this file. Every point that is left is a fault.
 //!
-//! `cargo bench --bench self_filter -- [PICTURES] [THREADS] [DEGREES] [TIMES]`: the third also turns the cameras, by so much, and adds
-//! noise; the margin is then 3 cm, as for the bundled scene. The last makes cameras and clocks so many times as wrong, of which the
-//! perceiver is not told.
+//! `cargo bench --bench self_filter -- [PICTURES] [THREADS] [DEGREES] [NOISE] [TIMES]`: cameras are also turned by so many degrees, and
+//! depths have so much noise at 1 m \[mm\], with a margin of 3 cm then, as the bundled scene has. TIMES makes place and clock so many
+//! times as wrong, of which the perceiver is not told.
 
 use std::env;
 use std::f64::consts::{PI, TAU};
@@ -195,8 +195,16 @@ struct Tally {
     aside: f64,
 }
 
+/// How cameras are wrong, beside place and clock: a turn \[°\], noise at 1 m \[m\], and how many times as wrong those two are.
+struct Wrong {
+    degrees: f64,
+    noise: f64,
+    times: f64,
+}
+
 /// One recording: an arm that swings about a posture, and a camera that looks at it from somewhere.
-fn recording(cases: &[Case], seed: u64, [degrees, times]: [f64; 2], tally: &mut Tally) {
+fn recording(cases: &[Case], seed: u64, wrong: &Wrong, tally: &mut Tally) {
+    let Wrong { degrees, noise, times } = *wrong;
     let draws = &mut Draws(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
     let Case { arm, looks } = &cases[seed as usize % cases.len()];
     let limits = arm.limits();
@@ -237,7 +245,6 @@ fn recording(cases: &[Case], seed: u64, [degrees, times]: [f64; 2], tally: &mut 
     let origin = position + draws.direction() * OFF * times;
     let turn =
         UnitQuaternion::exp(&(draws.direction() * degrees.to_radians())).matrix() * said.matrix();
-    let noise = if degrees > 0.0 { 0.002 } else { 0.0 };
     let settings = PerceiverSettings {
         stride: 1,
         least_points: 1,
@@ -326,8 +333,8 @@ fn main() {
     let given: Vec<f64> = env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
     let pictures = given.first().map_or(2000, |count| *count as usize);
     let threads = given.get(1).map_or(1, |count| *count as usize);
-    let degrees = given.get(2).copied().unwrap_or(0.0);
-    let times = given.get(3).copied().unwrap_or(1.0);
+    let other = |place: usize, usual: f64| given.get(place).copied().unwrap_or(usual);
+    let wrong = Wrong { degrees: other(2, 0.0), noise: 1e-3 * other(3, 0.0), times: other(4, 1.0) };
     let bundled = ARMS.iter().map(|name| Case::new(name, None));
     let hulls =
         [("panda", 24), ("iiwa14", 40)].map(|(name, corners)| Case::new(name, Some(corners)));
@@ -338,11 +345,11 @@ fn main() {
     thread::scope(|scope| {
         let workers: Vec<_> = (0..threads)
             .map(|worker| {
-                let cases = &cases;
+                let (cases, wrong) = (&cases, &wrong);
                 scope.spawn(move || {
                     let mut tally = Tally::default();
                     for k in (worker..recordings).step_by(threads) {
-                        recording(cases, k as u64 + 1, [degrees, times], &mut tally);
+                        recording(cases, k as u64 + 1, wrong, &mut tally);
                     }
                     tally
                 })
@@ -373,7 +380,7 @@ fn main() {
             100.0 * all.aside
         ))
     );
-    if degrees == 0.0 && times <= 1.0 {
+    if wrong.degrees == 0.0 && wrong.noise == 0.0 && wrong.times <= 1.0 {
         assert_eq!(
             all.survivors,
             0,

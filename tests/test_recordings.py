@@ -315,6 +315,22 @@ def command(*arguments: object, code: int = 0, scene: Path | None = None, errors
     return done.stderr if errors else done.stdout
 
 
+def test_pictures_in_gaps_are_left_out(tmp_path: Path) -> None:
+    """For half a second nobody tells where the arm is: what lies between two states then is no course."""
+    path = tmp_path / "r.mcap"
+    with Recorder(path) as file:
+        file.camera("/eye", LEFT, base="panda_link0")
+        for k in range(250):
+            t = 0.01 * k
+            if not 1.0 < t < 1.5:
+                file.joints(t, ARM.joint_names, *motion(t))
+            if k % 10 == 5:
+                file.picture("/eye", t, take(LEFT, capsules(motion(t)[0])))
+    (found,) = vff.calibrate(path, ARM)
+    assert found.pictures == 16 and found.after < 0.001
+    assert np.linalg.norm(found.translation) < 0.001 and abs(found.time_offset or 0.0) < 0.001
+
+
 def test_an_arm_at_rest_and_one_that_is_elsewhere(tmp_path: Path) -> None:
     """Where nothing moves the clock is not told; where no arm is to be seen, nothing."""
     q, dq = motion(0.4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from vffnull._core import Arm, Perceiver, matrices, quaternions, surface_distanc
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.run.perceive import in_world
-from vffnull.run.recording import Cell, Shot
+from vffnull.run.recording import Cell, State
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,10 @@ __all__ = ["CameraCalibration", "calibrate"]
 
 PICTURES = 80  # of a camera, evenly over the recording
 POINTS = 250  # of a picture, near the arm
+PIXELS = 20_000  # of a picture, evenly
 STATES = 20_000
+CLOCK = 0.2  # s: so near to the beginning and the end no picture is used, as its clock may be off
+GAP = 0.1  # s: nor where no state is known for longer
 GATES = (0.12, 0.06, 0.03)  # m: what is farther from the model is not the arm
 TIGHT = 0.006  # m: nearer than this no point is left out
 STEP = 1e-5  # m, rad, s: of differences
@@ -129,48 +132,52 @@ class _Thinned:
         self._most, self._step, self._count = most, 1, 0
         self.kept: list[Any] = []
 
-    def add(self, make: Callable[[], Any]) -> None:
-        if self._count % self._step == 0:
-            self.kept.append(make())
-            if len(self.kept) >= 2 * self._most:
-                del self.kept[1::2]
-                self._step *= 2
+    def wants(self) -> bool:
+        """Whether the next one is to be kept."""
+        if len(self.kept) >= 2 * self._most:
+            del self.kept[1::2]
+            self._step *= 2
         self._count += 1
+        return (self._count - 1) % self._step == 0
 
 
 def _gathered(cell: Cell, max_depth: float) -> tuple[Any, list[list[_Frame]]]:
-    """The course of the arm, and pictures of each camera."""
+    """The course of the arm, and pictures of each camera that were taken while it was known."""
     interpolate = extra("scipy.interpolate", "evaluate")
-    least = max(1, int(min(np.sqrt(c["rows"] * c["columns"] / 20_000) for c in cell.cameras)))
-    reader = Perceiver(cell.arm, cell.cameras, {"stride": least, "range": max_depth, "voxel": 0.2})
+    stride = max(1, int(min(np.sqrt(c["rows"] * c["columns"] / PIXELS) for c in cell.cameras)))
+    reader = Perceiver(cell.arm, cell.cameras, {"stride": stride, "range": max_depth, "voxel": 0.2})
     states, frames = _Thinned(STATES), [_Thinned(PICTURES) for _ in cell.sources]
     last = -np.inf
     for event in cell.events():
-        if isinstance(event, Shot):
-            shot = event
-
-            def frame(shot: Shot = shot) -> _Frame:
-                seen = shot.cloud if shot.depth is None else reader.deproject(shot.depth, shot.camera)
-                seen = np.asarray(seen)
-                return _Frame(shot.t, seen[seen[:, 2] < max_depth])
-
-            frames[event.camera].add(frame)
-        elif event.t > last:
-            last = event.t
-            state = event
-            states.add(lambda state=state: state)  # type: ignore[misc]
+        if isinstance(event, State):
+            if event.t > last and states.wants():
+                states.kept.append(event)
+            last = max(last, event.t)
+        elif frames[event.camera].wants():
+            seen = event.cloud
+            if event.depth is not None:
+                seen = reader.deproject(event.depth, event.camera)
+            points = np.asarray(seen)
+            frames[event.camera].kept.append(_Frame(event.t, points[points[:, 2] < max_depth]))
     if len(states.kept) < 2:
         raise InputError(f"{cell.path}: too few states of the joints")
     t, q, dq = (np.array([getattr(each, name) for each in states.kept]) for name in ("t", "q", "dq"))
-    return interpolate.CubicHermiteSpline(t, q, dq, extrapolate=False), [each.kept for each in frames]
+    between = np.diff(t)
+    longest = max(GAP, 3.0 * float(np.median(between)))
+
+    def is_known(frame: _Frame) -> bool:
+        after = np.searchsorted(t, frame.t)
+        inside = t[0] + CLOCK < frame.t < t[-1] - CLOCK
+        return bool(inside and between[after - 1] < longest)
+
+    course = interpolate.CubicHermiteSpline(t, q, dq)
+    return course, [[frame for frame in each.kept if is_known(frame)] for each in frames]
 
 
 def _fit(cell: Cell, number: int, course: Any, frames: list[_Frame]) -> CameraCalibration:
     """Lay the points of a camera on the arm."""
     optimize = extra("scipy.optimize", "evaluate")
     source = cell.sources[number]
-    margin = 0.2  # s: how far a clock is looked for
-    frames = [each for each in frames if course.x[0] + margin < each.t < course.x[-1] - margin]
     moves = bool(frames) and float(np.abs(course(np.array([f.t for f in frames]), 1)).max()) > MOTION
     model = _Surface(cell.arm, source.camera, course, 7 if moves else 6)
     found, chosen = np.zeros(model.size), frames
@@ -226,7 +233,7 @@ class _Surface:
     def __init__(self, arm: Arm, camera: dict[str, Any], course: Any, size: int) -> None:
         self._arm, self._course, self.size = arm, course, size
         self._camera, self._origin = camera, np.array(camera["position"])
-        self.scale = np.array([0.01] * 6 + [0.01])[:size]
+        self.scale = np.full(size, 0.01)
 
     def _distances(self, x: Array, frame: _Frame) -> tuple[Array, NDArray[np.int64]]:
         turned = (in_world(self._camera, frame.points) - self._origin) @ _rotation(x[:3]).T
