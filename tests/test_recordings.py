@@ -17,7 +17,7 @@ import pytest
 import vffnull as vff
 from recordings import ARM, MEAN, Recorder, capsules, looking, motion, off, record, take
 from vffnull._core import matrices
-from vffnull.errors import InputError
+from vffnull.errors import InputError, InputTypeError
 from vffnull.logs import ros2
 
 pytest.importorskip("mcap_ros2")
@@ -412,7 +412,14 @@ def test_bad_options(watched: Path, tmp_path: Path) -> None:
     assert "did you mean 'panda'?" in command(watched, "--arm", "pandda", code=2, errors=True)
     coarse = command(watched, "--arm", "panda", "--set", "least_points=50", errors=True)
     assert "pixels are not the arm's, and no point is left of them" in coarse
-    command(watched, "--arm", "panda", "--cameras", cameras, code=2)
+    assert "lens: unknown, expected columns" in command(
+        watched, "--arm", "panda", "--cameras", cameras, code=2, errors=True
+    )
+    for wrong, sentence in (({"time_offset": "late"}, "time_offset"), ({"position": "x"}, "position")):
+        with pytest.raises((InputError, InputTypeError), match=sentence):
+            vff.perceive(watched, ARM, cameras={"/left/depth/image": wrong})
+    with pytest.raises(InputError, match="max_depth"):
+        vff.calibrate(watched, ARM, max_depth=-1.0)
     command(watched, "--arm", "panda", "--set", "voxels=1", code=2)
     command(watched, "--arm", "panda", "--topic", "/nobody", code=2)
     command(watched, "--arm", "panda", "--calibrate", "--out", tmp_path / "x.mcap", code=2)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vffnull._core import Arm, Perceiver, matrices, quaternions, surface_distances
+from vffnull._support.arguments import positive
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.run.perceive import in_world
@@ -113,7 +114,7 @@ def calibrate(
     """
     extra("scipy.optimize", "evaluate")
     cell = Cell(Path(recording), arm, cameras=cameras, topics=topics, base=base, joints=joints)
-    course, shots = _gathered(cell, float(max_depth))
+    course, shots = _gathered(cell, positive("max_depth", max_depth))
     return [_fit(cell, number, course, shots[number]) for number in range(len(cell.sources))]
 
 

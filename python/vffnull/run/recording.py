@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import vffnull._core as _core
 from vffnull._core import Arm, matrices, quaternions
+from vffnull._support.arguments import number
 from vffnull._support.errors import InputError
 from vffnull.logs import ros2
 
@@ -193,7 +194,9 @@ class Cell:
 
     def _source(self, picture: ros2.Picture, known: _Known, given: dict[str, Any]) -> Source:
         topic = picture.topic
-        offset = float(given.pop("time_offset", 0.0))
+        offset = number(f"cameras.{topic}.time_offset", given.pop("time_offset", 0.0))
+        if not np.isfinite(offset):
+            raise InputError(f"cameras.{topic}.time_offset: must be finite, got {offset}")
         camera: dict[str, Any] = {}
         lens = self._lens(picture, known)
         if lens is not None:
