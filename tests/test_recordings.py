@@ -315,6 +315,41 @@ def command(*arguments: object, code: int = 0, scene: Path | None = None, errors
     return done.stderr if errors else done.stdout
 
 
+def test_errors_of_our_own_simulation_are_found(tmp_path: Path) -> None:
+    """A scene whose cameras are off by 5 mm and half a degree in directions that it does not tell."""
+    scene = vff.Scenario.load("panda-watched")
+    reference = {"kind": "line", "end": [0.1, 0.35, 0.1], "duration": 1.8, "relative": True}
+    changed = {
+        "duration": 2.4,
+        "obstacles": [],
+        "reference": reference,
+        "perception.latency": 0.0,
+        "perception.rate": 10.0,
+    }
+    simulation, path = vff.Simulation(scene.replace(**changed)), tmp_path / "r.mcap"
+    eyes = []
+    for each in scene["perception"]["cameras"]:
+        columns, rows = each["columns"], each["rows"]
+        focal = 0.5 * columns / np.tan(0.5 * each.get("field_of_view", 1.2))
+        centre = [0.5 * columns - 0.5, 0.5 * rows - 0.5]
+        place = {key: each[key] for key in ("columns", "rows", "position", "orientation")}
+        eyes.append(place | {"focal": [focal, focal], "centre": centre})
+    with Recorder(path) as file:
+        for k, eye in enumerate(eyes):
+            file.camera(f"/eye{k}", eye, base="panda_link0")
+        for step in range(1, 2401):
+            state = simulation.step()
+            if step % 10 == 0:
+                file.joints(state.t, ARM.joint_names, state.q, state.dq)
+            if step % 100 == 0:
+                for k, depth in enumerate(simulation.pictures):
+                    file.picture(f"/eye{k}", state.t, depth)
+    for found in vff.calibrate(path, ARM):
+        turned, moved = np.degrees(np.linalg.norm(found.rotation)), np.linalg.norm(found.translation)
+        assert moved == pytest.approx(0.005, abs=0.0025) and turned == pytest.approx(0.5, abs=0.12), found
+        assert found.time_offset is not None and abs(found.time_offset) < 0.05
+
+
 def test_pictures_in_gaps_are_left_out(tmp_path: Path) -> None:
     """For half a second nobody tells where the arm is: what lies between two states then is no course."""
     path = tmp_path / "r.mcap"

@@ -1392,6 +1392,12 @@ class Simulation:
         """Go back to the start."""
 
     @property
+    def pictures(self) -> list[NDArray[np.float32]]:
+        """The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
+        measured; none without such cameras.
+        """
+
+    @property
     def state(self) -> State:
         """The present state."""
     @property
