@@ -91,6 +91,8 @@ LEFT_OUT = {
     "vffnull study": "names the command; it needs a study",
     "vffnull run": "names the command; it needs a scenario",
     "vffnull plan": "names the command; it needs a scenario",
+    "vffnull perceive": "names the command; it needs a recording",
+    "vffnull perceive --calibrate": "names the command; it needs a recording",
     "python -m timeit": "names the command; the next line of its table is run",
 }
 

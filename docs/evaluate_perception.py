@@ -136,6 +136,26 @@ what may be hidden and with a margin of 1 cm, pictures without errors had 20.0 [
 60.7 [42.4, 76.4] hands held in 40 other crowds, where 2.5 and 78.6 are those of a law that knows everything.
 In 14 of training seeds 9 hands were held where everything is known, 9 with pictures if nothing is reckoned
 with behind what is seen and the law keeps 2.5 cm, and 7 with it; each of both had 1 collision.
+
+## The arm in its own pictures
+
+What the perceiver cuts away has to be all of the arm, or the law runs from itself. Counted is what is
+left of seven bundled arms, and of two whose capsules are hulls with 24 and 40 corners, in pictures of
+64 × 48 pixels by a ray caster that shares no code with the core. The arms swing about random postures
+at 10 to 100 % of their speed limits, up to 4.7 m/s, and random cameras look at them from up to 1.8 m
+that stand 5 mm beside where they are said to stand and whose clocks are 20 ms ahead or behind; half of
+the pictures are taken in before the states that follow are known. Every point is looked at (`stride` 1,
+`least_points` 1); a clock error of 20 ms and a margin of 2 cm are the defaults.
+
+| `cargo bench --bench self_filter --` | margin | points of the arm | left |
+|---|--:|--:|--:|
+| `100000`: 5 mm and 20 ms | 2 cm | 24 245 698 | 0 |
+| `100000 1 0.5`: turned by half a degree as well | 3 cm | 24 240 769 | 0 |
+| `100000 1 0.5 2`: and with noise of 2 mm at 1 m | 3 cm | 24 240 760 | 38 |
+| `10000 1 0 0 2`: 10 mm and 40 ms, of which it is not told | 2 cm | 2 417 359 | 31 406 |
+
+The first row is what is promised. In the third an outlier of the noise, whose standard deviation is 6
+mm at 1.8 m, is left in 8 of 4000 recordings. The last row shows that the count can see a fault.
 """
 HEAD = "| the law knows | collisions | held | back |\n|---|--:|--:|--:|"
 

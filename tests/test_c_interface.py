@@ -130,6 +130,36 @@ def test_shortest_loops(built: Path) -> None:
     assert run([built / "hold"]) == run([built / "hold_cpp"]) == expected
 
 
+def test_what_a_camera_sees(built: Path) -> None:
+    """The perceiver in C, and what the law makes of its points, are those of Python."""
+    camera = {
+        "columns": 80,
+        "rows": 60,
+        "focal": [75.0, 75.0],
+        "centre": [39.5, 29.5],
+        "position": [0.6, 0.0, 1.5],
+        "orientation": [0.0, 1.0, 0.0, 0.0],
+    }
+    robot, rest = vff.Arm.named("panda"), [0.0] * 7
+    table = vff.Obstacle.half_space([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    perceiver = vff.Perceiver(robot, [camera], {"stride": 1}, known=[table])
+    columns, rows = np.meshgrid(np.arange(80), np.arange(60))
+    for step in range(8):
+        t = step / 30.0
+        perceiver.observe(t, READY, rest)
+        ball = (columns - 15 - step) ** 2 + (rows - 30) ** 2 < 30
+        perceiver.see(np.where(ball, 900, 1500).astype(np.uint16), t)
+    law = vff.Controller(robot, {"field": {"kind": "bounded", "gain": 40.0, "influence": 0.4}})
+    cloud = [vff.Obstacle.points(np.empty((0, 3)), 0.018)]
+    law.terms(READY, rest, [0.3, 0.0, 0.6], obstacles=cloud, t=t)
+    law.update_points(perceiver.points, velocities=perceiver.velocities, t=perceiver.t)
+    terms = law.terms(READY, rest, [0.3, 0.0, 0.6], obstacles=cloud, t=t)
+    count, fastest = len(perceiver.points), perceiver.velocities[:, 0].max()
+    assert count > 20 and fastest > 0.1 and 0.0 < min(terms.clearance) < 0.4
+    expected = f"{count} points, up to {fastest:.2f} m/s, {min(terms.clearance):.3f} m from the arm\n"
+    assert run([built / "camera"]) == expected
+
+
 def test_types_of_the_header(prefix: Path, tmp_path: Path) -> None:
     """Through pkg-config, with every warning an error."""
     run([compiled(prefix, ROOT / "tests" / "c" / "header.cpp", tmp_path / "header")])

@@ -78,6 +78,7 @@ TUTORIALS: dict[str, Shown] = {
     "real-arm": ("ur5e-sweep", {}),
     "touch": ("panda-bump", {"duration": 6.0}),
     "camera": ("panda-sweep", {"duration": 4.0}),
+    "recordings": ("panda-watched", {"duration": 2.0}),
     "many-runs": ("panda-sweep", {"controller.field.gain": 20.0}),
     "studies": ("crowd", {"duration": 3.0}),
     "urdf": ("iiwa-line", {}),

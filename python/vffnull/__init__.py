@@ -32,6 +32,7 @@ from vffnull._core import (
     VirtualArm,
     __version__,
     distances,
+    surface_distances,
 )
 from vffnull._support.representation import drawn_by
 from vffnull.errors import VffNullError
@@ -55,9 +56,11 @@ if TYPE_CHECKING:
     from vffnull.model.timing import Histogram
     from vffnull.model.wrench import Wrench
     from vffnull.planning import Plan, PlanStatus, plan
+    from vffnull.run.calibrate import CameraCalibration, calibrate
     from vffnull.run.drive import Drive, DriveReport, DriveState, drive
     from vffnull.run.evaluate import Evaluation, evaluate
     from vffnull.run.many import metrics_table, simulate_many
+    from vffnull.run.perceive import CameraReport, PerceptionReport, TrackReport, perceive
     from vffnull.run.realtime import RealTimeReport, realtime
     from vffnull.studies import Study
 
@@ -66,6 +69,8 @@ __all__ = [
     "OBJECTIVES",
     "PORTS",
     "Arm",
+    "CameraCalibration",
+    "CameraReport",
     "ControlSettings",
     "Controller",
     "Distances",
@@ -81,6 +86,7 @@ __all__ = [
     "Motion",
     "Obstacle",
     "Perceiver",
+    "PerceptionReport",
     "Plan",
     "PlanStatus",
     "RealTimeReport",
@@ -93,11 +99,13 @@ __all__ = [
     "StreamRecorder",
     "Study",
     "Terms",
+    "TrackReport",
     "VffNullError",
     "VirtualArm",
     "Wrench",
     "__version__",
     "arms",
+    "calibrate",
     "compare",
     "distances",
     "drive",
@@ -106,6 +114,7 @@ __all__ = [
     "feasibility",
     "live",
     "metrics_table",
+    "perceive",
     "plan",
     "realtime",
     "report",
@@ -113,27 +122,34 @@ __all__ = [
     "scenes",
     "simulate",
     "simulate_many",
+    "surface_distances",
 ]
 
 
 # What brings NumPy along, or is not needed by most, is loaded when it is asked for.
 _LATER = {
+    "CameraCalibration": "vffnull.run.calibrate",
+    "CameraReport": "vffnull.run.perceive",
     "Drive": "vffnull.run.drive",
     "DriveReport": "vffnull.run.drive",
     "DriveState": "vffnull.run.drive",
     "Evaluation": "vffnull.run.evaluate",
     "Histogram": "vffnull.model.timing",
+    "PerceptionReport": "vffnull.run.perceive",
     "Plan": "vffnull.planning",
     "PlanStatus": "vffnull.planning",
     "RealTimeReport": "vffnull.run.realtime",
     "StreamRecorder": "vffnull.logs.stream",
     "Study": "vffnull.studies",
+    "TrackReport": "vffnull.run.perceive",
     "Wrench": "vffnull.model.wrench",
+    "calibrate": "vffnull.run.calibrate",
     "compare": "vffnull.draw.report",
     "drive": "vffnull.run.drive",
     "evaluate": "vffnull.run.evaluate",
     "feasibility": "vffnull.evaluation.planner",
     "metrics_table": "vffnull.run.many",
+    "perceive": "vffnull.run.perceive",
     "plan": "vffnull.planning",
     "realtime": "vffnull.run.realtime",
     "simulate_many": "vffnull.run.many",

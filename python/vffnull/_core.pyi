@@ -51,6 +51,7 @@ __all__ = [
     "run_many",
     "schema",
     "schema_json",
+    "surface_distances",
     "wrenches",
 ]
 
@@ -1183,6 +1184,26 @@ class Perceiver:
             If there is no such camera, the picture has another shape or is not later than its last one, or no
             state of the arm is near its time. Nothing has changed then.
         """
+    def deproject(self, depth: ArrayLike, camera: int = 0) -> _Array:
+        """The points of a picture in the frame of its camera, of the pixels that `see` looks at.
+
+        Parameters
+        ----------
+        depth : (rows, columns) array_like
+            Depths, as of `see`.
+        camera : int, optional
+            Which camera took it; the first by default.
+
+        Returns
+        -------
+        (k, 3) ndarray
+            Points [m]: z forward, x to the right, y down.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If there is no such camera, or the picture has another shape.
+        """
     def see_points(self, cloud: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
         """Take in a cloud of points that a camera saw, as far as they are in its picture.
 
@@ -1369,6 +1390,12 @@ class Simulation:
 
     def reset(self) -> State:
         """Go back to the start."""
+
+    @property
+    def pictures(self) -> list[NDArray[np.float32]]:
+        """The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
+        measured; none without such cameras.
+        """
 
     @property
     def state(self) -> State:
@@ -1658,6 +1685,38 @@ class DriveLoop:
         """How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``missed``,
         ``skipped``, ``notes``, histograms. None while it runs.
         """
+
+def surface_distances(arm: Arm, q: ArrayLike, points: ArrayLike) -> tuple[_Array, NDArray[np.int64]]:
+    """How far points are from the surface of an arm, and on which link that is nearest.
+
+    Parameters
+    ----------
+    arm : Arm
+        An arm in space.
+    q : (n,) array_like
+        Joint positions [rad or m].
+    points : (k, 3) array_like
+        Points in the world [m].
+
+    Returns
+    -------
+    distances : (k,) ndarray
+        To the nearest of the shapes `Arm.collision` [m], negative within it; infinite where there is none.
+    links : (k,) ndarray of int
+        Which of `Arm.link_names` has it; -1 is the base.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the arm is in the plane, or an array has the wrong shape or is not finite.
+
+    Examples
+    --------
+    >>> arm = Arm.named("panda")
+    >>> distances, links = surface_distances(arm, [0, -0.8, 0, -2.4, 0, 1.6, 0.8], [[0.0, 0.0, -1.0]])
+    >>> float(distances[0].round(2)), links.tolist()
+    (0.93, [-1])
+    """
 
 def distances(
     arm: Arm, q: ArrayLike, dq: ArrayLike, obstacles: Sequence[_Document], t: ArrayLike = 0.0

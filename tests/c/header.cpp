@@ -99,5 +99,22 @@ int main() {
     if (!loop.succeed(next) || !loop.cycle(0.001, ready, still, torque, phase)) return 28;
     double path_time = 0.0;
     if (loop.planned(row, path_time) || !(loop.stable_period(0.0, ready) > 0.0)) return 29;
+    // What a camera sees.
+    vff::Perceiver eyes(robot,
+                        "[[cameras]]\ncolumns = 4\nrows = 3\nfocal = [4.0, 4.0]\ncentre = [1.5, 1.0]\n"
+                        "position = [0.6, 0.6, 1.2]\norientation = [0.0, 1.0, 0.0, 0.0]\n"
+                        "[settings]\nstride = 1\nleast_points = 1\n");
+    const std::vector<std::uint16_t> depth(12, 900);
+    const std::vector<float> metres(12, 0.9F);
+    vff_picture_counts counts{};
+    if (eyes.see(depth.data(), 3, 4, 0.0).code() != VFF_STATUS_NOT_OBSERVED) return 30;
+    if (!eyes.observe(0.0, ready, still) || eyes.observe(0.01, ready, short_q)) return 31;
+    if (!eyes.see(depth.data(), 3, 4, 0.0, 0, 0, &counts) || counts.measured != 12) return 32;
+    if (!eyes.observe(0.03, ready, still) || !eyes.see(metres.data(), 3, 4, 0.03)) return 33;
+    if (!eyes.see_points(std::vector<double>{0.0, 0.0, 0.9}, 0.04) || eyes.see_points(still, 0.05)) return 34;
+    if (eyes.points().size() != eyes.velocities().size() || eyes.points().empty() || eyes.t() != 0.04) return 35;
+    const auto seen = loop.add_obstacle("shape = { kind = 'points', points = [], radius = 0.02 }");
+    const vff::Cloud seen_cloud = loop.cloud(seen, 100);
+    if (!eyes.send(seen_cloud) || !(eyes.radius() > 0.0)) return 36;
     return first.get() == nullptr ? 0 : 12;
 }

@@ -55,6 +55,10 @@ enum vff_status
     VFF_STATUS_NOT_BEGUN = 16,
     // The law before is still being left.
     VFF_STATUS_SUCCEEDING = 17,
+    // A time is not later than the last one.
+    VFF_STATUS_NOT_LATER = 18,
+    // There is no such camera.
+    VFF_STATUS_NO_CAMERA = 19,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -130,6 +134,10 @@ typedef struct vff_cloud vff_cloud;
 // Once per cycle: `vff_controller_observe`, then `vff_controller_torque`. What is said to be "for the loop" allocates nothing,
 // takes no lock, makes no system call and does not wait (with `formulation = "recursive"`, the default).
 typedef struct vff_controller vff_controller;
+
+// Makes a cloud of moving points of what depth cameras see around an arm. One thread at a time may use it, beside the loop; a call
+// that finds another one in progress comes to `VFF_STATUS_BUSY`. All of its calls allocate.
+typedef struct vff_perceiver vff_perceiver;
 
 // A robot arm. It never changes: any number of threads may use one.
 typedef struct vff_robot vff_robot;
@@ -209,6 +217,18 @@ typedef struct vff_terms {
     // Whether the task force is damped because of a singularity.
     bool singular;
 } vff_terms;
+
+// What became of the points of a picture.
+typedef struct vff_picture_counts {
+    // Pixels that were looked at and had a depth.
+    size_t measured;
+    // Of these those that were cut away as the arm.
+    size_t own;
+    // Of these those that there was no room for.
+    size_t left_out;
+    // Cells that are remembered, and not seen in this picture.
+    size_t remembered;
+} vff_picture_counts;
 
 #ifdef __cplusplus
 extern "C" {
@@ -534,6 +554,72 @@ vff_status vff_cloud_update_moving(const struct vff_cloud *cloud,
 
 // Frees the handle, not the cloud. NULL is nothing.
 void vff_cloud_free(struct vff_cloud *cloud);
+
+// A perceiver around a robot in space, from TOML: tables `cameras` with `columns`, `rows`, `focal`, `centre`, `distortion` (k₁, k₂, p₁,
+// p₂, k₃), `position` [m] and `orientation` (w, x, y, z) of a frame whose z looks forward and y down; a table `settings`, those of
+// `vffnull.Perceiver`; and tables `known`, obstacles that the cloud does not repeat. Free it with `vff_perceiver_free`.
+vff_status vff_perceiver_new(const struct vff_robot *robot,
+                             const char *toml,
+                             struct vff_perceiver **perceiver);
+
+// Takes in a state of the arm at time `t` [s], later than the last. A picture needs one near its time.
+vff_status vff_perceiver_observe(const struct vff_perceiver *perceiver,
+                                 double t,
+                                 const double *q,
+                                 const double *dq,
+                                 size_t joints);
+
+// Takes in a picture that a camera took at time `t` [s], in whole millimetres; 0 was not measured. Rows begin `row_bytes` bytes after each
+// other: `2 * columns`, or what a driver calls step or stride. `counts` may be NULL.
+vff_status vff_perceiver_see_millimetres(const struct vff_perceiver *perceiver,
+                                         size_t camera,
+                                         double t,
+                                         const uint16_t *depth,
+                                         size_t rows,
+                                         size_t columns,
+                                         size_t row_bytes,
+                                         struct vff_picture_counts *counts);
+
+// The same in metres; what is no positive number was not measured.
+vff_status vff_perceiver_see_metres(const struct vff_perceiver *perceiver,
+                                    size_t camera,
+                                    double t,
+                                    const float *depth,
+                                    size_t rows,
+                                    size_t columns,
+                                    size_t row_bytes,
+                                    struct vff_picture_counts *counts);
+
+// Takes in `count` points (x, y, z) [m] that a camera saw at time `t` [s], in its frame, as far as they are in its picture. `counts` may
+// be NULL.
+vff_status vff_perceiver_see_points(const struct vff_perceiver *perceiver,
+                                    size_t camera,
+                                    double t,
+                                    const double *points,
+                                    size_t count,
+                                    struct vff_picture_counts *counts);
+
+// How many points there are, the time of the last picture [s], NaN before the first, and the radius at which balls at the points cover
+// what was seen [m]. Each may be NULL.
+vff_status vff_perceiver_size(const struct vff_perceiver *perceiver,
+                              size_t *count,
+                              double *t,
+                              double *radius);
+
+// Writes the points at the time of the last picture [m], and with which velocities they go on [m/s]: x, y, z of each, `count` of them as
+// `vff_perceiver_size` says. `velocities` may be NULL.
+vff_status vff_perceiver_points(const struct vff_perceiver *perceiver,
+                                double *points,
+                                double *velocities,
+                                size_t count);
+
+// Replaces the points of a cloud by those of the last picture, with their velocities. The obstacle stands at the origin, and the
+// controller's times are those of the states.
+vff_status vff_perceiver_send(const struct vff_perceiver *perceiver,
+                              const struct vff_cloud *cloud);
+
+// NULL is nothing.
+void vff_perceiver_free(struct vff_perceiver *perceiver);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -87,6 +87,7 @@ struct Free {
     void operator()(vff_robot* robot) const noexcept { vff_robot_free(robot); }
     void operator()(vff_controller* controller) const noexcept { vff_controller_free(controller); }
     void operator()(vff_cloud* cloud) const noexcept { vff_cloud_free(cloud); }
+    void operator()(vff_perceiver* perceiver) const noexcept { vff_perceiver_free(perceiver); }
 };
 
 template <class T>
@@ -208,9 +209,80 @@ public:
 
 private:
     friend class Controller;
+    friend class Perceiver;
     explicit Cloud(detail::Handle<vff_cloud> handle) : handle_(std::move(handle)) {}
 
     detail::Handle<vff_cloud> handle_;
+};
+
+/// From pictures of depth cameras to a cloud of moving points. One thread at a time may use it, beside the loop.
+class Perceiver {
+public:
+    /// Around a robot, with the TOML of its cameras, settings and what is known.
+    Perceiver(const Robot& robot, const std::string& toml)
+        : handle_(detail::made<vff_perceiver>(
+              [&](vff_perceiver** out) { return vff_perceiver_new(robot.get(), toml.c_str(), out); })) {}
+
+    /// A state of the arm at time `t` [s], later than the last.
+    Status observe(double t, Input q, Input dq) noexcept {
+        if (q.size() != dq.size()) {
+            return VFF_STATUS_LENGTH;
+        }
+        return vff_perceiver_observe(handle_.get(), t, q.data(), dq.data(), q.size());
+    }
+    /// A picture in whole millimetres, taken at time `t` [s]; rows begin `row_bytes` after each other, without a gap by default.
+    Status see(const std::uint16_t* depth, std::size_t rows, std::size_t columns, double t, std::size_t camera = 0,
+               std::size_t row_bytes = 0, vff_picture_counts* counts = nullptr) noexcept {
+        const std::size_t step = row_bytes != 0 ? row_bytes : columns * sizeof *depth;
+        return vff_perceiver_see_millimetres(handle_.get(), camera, t, depth, rows, columns, step, counts);
+    }
+    /// The same in metres.
+    Status see(const float* depth, std::size_t rows, std::size_t columns, double t, std::size_t camera = 0,
+               std::size_t row_bytes = 0, vff_picture_counts* counts = nullptr) noexcept {
+        const std::size_t step = row_bytes != 0 ? row_bytes : columns * sizeof *depth;
+        return vff_perceiver_see_metres(handle_.get(), camera, t, depth, rows, columns, step, counts);
+    }
+    /// Points that a camera saw, in its frame: x, y, z of each [m].
+    Status see_points(Input xyz, double t, std::size_t camera = 0, vff_picture_counts* counts = nullptr) noexcept {
+        if (xyz.size() % 3 != 0) {
+            return VFF_STATUS_LENGTH;
+        }
+        return vff_perceiver_see_points(handle_.get(), camera, t, xyz.data(), xyz.size() / 3, counts);
+    }
+    /// Replaces the points of a cloud by those of the last picture, with their velocities.
+    Status send(const Cloud& cloud) const noexcept { return vff_perceiver_send(handle_.get(), cloud.handle_.get()); }
+
+    /// The points at the time of the last picture: x, y, z of each [m].
+    std::vector<double> points() const { return read().first; }
+    /// At which velocities they go on [m/s].
+    std::vector<double> velocities() const { return read().second; }
+    /// The time of the last picture [s]; NaN before the first.
+    double t() const {
+        double t = 0.0;
+        detail::check(vff_perceiver_size(handle_.get(), nullptr, &t, nullptr));
+        return t;
+    }
+    /// A radius at which balls at the points cover what was seen [m].
+    double radius() const {
+        double radius = 0.0;
+        detail::check(vff_perceiver_size(handle_.get(), nullptr, nullptr, &radius));
+        return radius;
+    }
+
+private:
+    std::pair<std::vector<double>, std::vector<double>> read() const {
+        std::size_t count = 0;
+        detail::check(vff_perceiver_size(handle_.get(), &count, nullptr, nullptr));
+        std::pair<std::vector<double>, std::vector<double>> found{std::vector<double>(3 * count),
+                                                                  std::vector<double>(3 * count)};
+        // A vector without numbers may have no place.
+        double none = 0.0;
+        double* const points = count != 0 ? found.first.data() : &none;
+        detail::check(vff_perceiver_points(handle_.get(), points, found.second.data(), count));
+        return found;
+    }
+
+    detail::Handle<vff_perceiver> handle_;
 };
 
 /// The torque law. One thread at a time may use it. Once per cycle: `observe`, then `torque`.

@@ -90,7 +90,7 @@ pub unsafe extern "C" fn vff_cloud_update_moving(
 ///
 /// # Safety
 /// The pointer is NULL or that of a cloud that lives as long as the call.
-unsafe fn open<'a>(cloud: *const Cloud, count: usize) -> Result<&'a Cloud, Fault> {
+pub(crate) unsafe fn open<'a>(cloud: *const Cloud, count: usize) -> Result<&'a Cloud, Fault> {
     // SAFETY: as the caller promises.
     let cloud = unsafe { object("cloud", cloud) }?;
     if cloud.mailbox.is_closed() {
@@ -106,7 +106,7 @@ unsafe fn open<'a>(cloud: *const Cloud, count: usize) -> Result<&'a Cloud, Fault
 ///
 /// # Safety
 /// The pointer is NULL or that of three numbers each.
-unsafe fn vectors(
+pub(crate) unsafe fn vectors(
     name: &'static str,
     given: *const f64,
     count: usize,
@@ -123,7 +123,10 @@ unsafe fn vectors(
     }
 }
 
-fn send(Cloud { mailbox, orientation, .. }: &Cloud, update: PointUpdate) -> Result<(), Fault> {
+pub(crate) fn send(
+    Cloud { mailbox, orientation, .. }: &Cloud,
+    update: PointUpdate,
+) -> Result<(), Fault> {
     mailbox.send(make(update, *orientation)?);
     Ok(())
 }

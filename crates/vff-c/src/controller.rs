@@ -180,7 +180,7 @@ pub(crate) unsafe fn with(
         // SAFETY: it is this thread's turn.
         let inner = unsafe { &mut *controller.inner.get() };
         if inner.broken {
-            return Err(Fault::Broken);
+            return Err(Fault::Broken("controller"));
         }
         inner.broken = true;
         let done = work(inner);

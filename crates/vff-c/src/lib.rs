@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `ffi_guard` | every call: no panic leaves, a fault becomes a status and a message |
 //! | `status` | what can be wrong |
-//! | `robot`, `kinematics`, `controller`, `cycle`, `succession`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
+//! | `robot`, `kinematics`, `controller`, `cycle`, `succession`, `set_points`, `terms`, `obstacles`, `cloud`, `perceiver` | the functions |
 //! | `mailbox` | one value handed from one thread to another without a lock |
 
 // Names and documentation are those of the C header.
@@ -20,6 +20,7 @@ mod ffi_guard;
 mod kinematics;
 mod mailbox;
 mod obstacles;
+mod perceiver;
 mod robot;
 mod set_points;
 mod status;
@@ -33,6 +34,7 @@ pub use cycle::*;
 pub use ffi_guard::vff_last_message;
 pub use kinematics::*;
 pub use obstacles::*;
+pub use perceiver::*;
 pub use robot::*;
 pub use set_points::*;
 pub use status::{Status, vff_status_name};

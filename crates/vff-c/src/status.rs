@@ -4,6 +4,7 @@ use std::ffi::c_char;
 use std::io;
 use vff_core::control::output::BeginError;
 use vff_core::math::rotation::NotARotation;
+use vff_core::perception::PerceptionError;
 use vff_core::runtime::{CycleError, PointsError, SuccessionError, VirtualArmError};
 use vff_core::scenario::ScenarioError;
 
@@ -48,6 +49,10 @@ pub enum Status {
     NotBegun = 16,
     /// The law before is still being left.
     Succeeding = 17,
+    /// A time is not later than the last one.
+    NotLater = 18,
+    /// There is no such camera.
+    NoCamera = 19,
 }
 
 /// A fault, with its sentence.
@@ -101,14 +106,18 @@ pub(crate) enum Fault {
     Limits(VirtualArmError),
     #[error(transparent)]
     Succession(SuccessionError),
+    #[error(transparent)]
+    Perception(#[from] PerceptionError),
+    #[error("depth: expected {} rows and {} columns, got {} and {}", expected[0], expected[1], given[0], given[1])]
+    Picture { expected: [usize; 2], given: [usize; 2] },
+    #[error("row_bytes: a row has {expected} bytes, got {given}")]
+    RowBytes { expected: usize, given: usize },
     #[error("another thread is in a call with the same {0}")]
     Busy(&'static str),
     #[error("a fault of vffnull itself, please report it: {0}")]
     Panic(String),
-    #[error(
-        "an earlier call ended in a fault of vffnull itself; free the controller and make another"
-    )]
-    Broken,
+    #[error("an earlier call ended in a fault of vffnull itself; free the {0} and make another")]
+    Broken(&'static str),
 }
 
 impl From<BeginError> for Fault {
@@ -158,7 +167,7 @@ impl Fault {
     pub(crate) fn status(&self) -> Status {
         match self {
             Self::Null(_) => Status::Null,
-            Self::Length { .. } => Status::Length,
+            Self::Length { .. } | Self::Picture { .. } | Self::RowBytes { .. } => Status::Length,
             Self::NotFinite { .. } | Self::NoPeriod(_) => Status::NotFinite,
             Self::NotText { .. } | Self::Document(_) => Status::Document,
             Self::File { .. } => Status::File,
@@ -175,8 +184,17 @@ impl Fault {
             Self::Succession(SuccessionError::Succeeding) => Status::Succeeding,
             Self::Limits(_) | Self::Succession(_) => Status::Document,
             Self::Torque => Status::Torque,
+            Self::Perception(error) => match error {
+                PerceptionError::NotThere { .. } => Status::NoCamera,
+                PerceptionError::NotLater { .. } => Status::NotLater,
+                PerceptionError::NoState { .. } => Status::NotObserved,
+                PerceptionError::Size { .. } | PerceptionError::State { .. } => Status::Length,
+                PerceptionError::NoCamera
+                | PerceptionError::Camera { .. }
+                | PerceptionError::Setting { .. } => Status::Document,
+            },
             Self::Busy(_) => Status::Busy,
-            Self::Panic(_) | Self::Broken => Status::Panic,
+            Self::Panic(_) | Self::Broken(_) => Status::Panic,
         }
     }
 }
@@ -184,7 +202,7 @@ impl Fault {
 /// The name of a status, such as "VFF_STATUS_OK"; "?" for a number that is none.
 #[unsafe(no_mangle)]
 pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
-    const NAMES: [&str; 18] = [
+    const NAMES: [&str; 20] = [
         "VFF_STATUS_OK\0",
         "VFF_STATUS_NULL\0",
         "VFF_STATUS_LENGTH\0",
@@ -203,6 +221,8 @@ pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
         "VFF_STATUS_PANIC\0",
         "VFF_STATUS_NOT_BEGUN\0",
         "VFF_STATUS_SUCCEEDING\0",
+        "VFF_STATUS_NOT_LATER\0",
+        "VFF_STATUS_NO_CAMERA\0",
     ];
     let name = usize::try_from(status).ok().and_then(|status| NAMES.get(status));
     name.unwrap_or(&"?\0").as_ptr().cast()

@@ -21,6 +21,7 @@ fn the_header_is_that_of_the_sources() {
         "terms",
         "obstacles",
         "cloud",
+        "perceiver",
     ] {
         sources = sources.with_src(root.join("src").join(name).with_extension("rs"));
     }

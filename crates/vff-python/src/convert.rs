@@ -12,6 +12,7 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, P
 use std::fmt;
 use toml::{Table, Value};
 use vff_core::interrupt;
+use vff_core::simulation::DepthPicture;
 
 /// Documents deeper than this are taken for endless: a dict inside itself has no bottom.
 const MAX_DEPTH: usize = 32;
@@ -501,4 +502,16 @@ pub fn array2(
 pub fn matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let row_major = matrix.transpose().as_slice().to_vec();
     array2(py, row_major, [matrix.nrows(), matrix.ncols()])
+}
+
+/// Pictures of depth cameras, (rows, columns) each.
+pub fn depth_pictures(
+    py: Python<'_>,
+    pictures: Vec<DepthPicture>,
+) -> PyResult<Vec<Bound<'_, PyArray2<f32>>>> {
+    let array = |DepthPicture { columns, depths }| {
+        let shape = [depths.len() / columns, columns];
+        PyArray1::from_vec(py, depths).reshape(shape)
+    };
+    pictures.into_iter().map(array).collect()
 }

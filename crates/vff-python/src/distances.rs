@@ -2,16 +2,21 @@
 
 use crate::arm::Arm;
 use crate::call::{read_obstacles, sequence};
-use crate::convert::{float_array, misshapen, values, wrong_type};
+use crate::convert::{
+    array1, float_array, misshapen, points as read_points, values, vector, wrong_type,
+};
 use crate::errors::InputError;
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use vff_core::math::memory;
-use vff_core::runtime::{AnyObstacles, DistanceTable};
+use vff_core::perception::surface_distances as of_points;
+use vff_core::runtime::{AnyObstacles, AnyState, DistanceTable};
 
 type Indices = Py<PyArray1<i64>>;
 type Values = Py<PyArrayDyn<f64>>;
+/// Of points: how far each is, and on which link.
+type OfPoints<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
 
 /// What `distances` returns; P pairs, one per link and obstacle, link by link.
 ///
@@ -152,4 +157,54 @@ pub fn distances(
         point: array(found.point, Some(d))?,
         witness: array(found.witness, Some(d))?,
     })
+}
+
+/// How far points are from the surface of an arm, and on which link that is nearest.
+///
+/// Parameters
+/// ----------
+/// arm : Arm
+///     An arm in space.
+/// q : (n,) array_like
+///     Joint positions [rad or m].
+/// points : (k, 3) array_like
+///     Points in the world [m].
+///
+/// Returns
+/// -------
+/// distances : (k,) ndarray
+///     To the nearest of the shapes `Arm.collision` [m], negative within it; infinite where there is none.
+/// links : (k,) ndarray of int
+///     Which of `Arm.link_names` has it; -1 is the base.
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     If the arm is in the plane, or an array has the wrong shape or is not finite.
+///
+/// Examples
+/// --------
+/// >>> arm = Arm.named("panda")
+/// >>> distances, links = surface_distances(arm, [0, -0.8, 0, -2.4, 0, 1.6, 0.8], [[0.0, 0.0, -1.0]])
+/// >>> float(distances[0].round(2)), links.tolist()
+/// (0.93, [-1])
+#[pyfunction]
+pub fn surface_distances<'py>(
+    arm: &Bound<'py, PyAny>,
+    q: &Bound<'py, PyAny>,
+    points: &Bound<'py, PyAny>,
+) -> PyResult<OfPoints<'py>> {
+    let py = arm.py();
+    let arm = &arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get().arm;
+    let n = arm.dof();
+    let AnyState::Space(state) = arm.at(&vector("q", q, n)?, &vec![0.0; n]) else {
+        let sentence = "arm: points are in space, and this arm is in the plane";
+        return Err(InputError::new_err(sentence));
+    };
+    let points = read_points("points", points)?;
+    let found = interruptible(py, || of_points(&state, &points))?;
+    let distances: Vec<f64> = found.iter().map(|(distance, _)| *distance).collect();
+    let number = |link: Option<usize>| link.and_then(|link| i64::try_from(link).ok()).unwrap_or(-1);
+    let links = found.into_iter().map(|(_, link)| number(link)).collect();
+    Ok((array1(py, &distances), PyArray1::from_vec(py, links)))
 }

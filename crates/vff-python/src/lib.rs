@@ -38,7 +38,7 @@ mod _core {
     #[pymodule_export]
     use crate::controller::Controller;
     #[pymodule_export]
-    use crate::distances::{Distances, distances};
+    use crate::distances::{Distances, distances, surface_distances};
     #[pymodule_export]
     use crate::drive::DriveLoop;
     #[pymodule_export]

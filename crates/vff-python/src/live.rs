@@ -1,7 +1,7 @@
 //! `Live`: a scenario that runs against the wall clock on a thread of its own, under people's hands.
 
 use crate::call::new_points;
-use crate::convert::{self, array2, keywords, named_document, read_vector};
+use crate::convert::{self, array2, depth_pictures, keywords, named_document, read_vector};
 use crate::errors::{self, InputError};
 use crate::run::{arrays, measured, prepared};
 use crate::watch::interruptible;
@@ -17,7 +17,7 @@ use vff_core::runtime::live::{self, LoopStats, State};
 use vff_core::runtime::points::make;
 use vff_core::runtime::{ActingPull, ActingWrench, PointsError};
 use vff_core::scenario::Scenario;
-use vff_core::simulation::{DepthPicture, Metric, RecordTooLarge, ReplanCounts, Value};
+use vff_core::simulation::{Metric, RecordTooLarge, ReplanCounts, Value};
 
 /// A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
 ///
@@ -357,12 +357,7 @@ impl Live {
     /// The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
     /// measured; none without such cameras.
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
-        let pictures = self.with(py, |live| live.pictures())?;
-        let array = |DepthPicture { columns, depths }| {
-            let shape = [depths.len() / columns, columns];
-            PyArray1::from_vec(py, depths).reshape(shape)
-        };
-        pictures.into_iter().map(array).collect()
+        depth_pictures(py, self.with(py, |live| live.pictures())?)
     }
 
     /// The present instant.

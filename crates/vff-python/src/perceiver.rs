@@ -89,6 +89,39 @@ impl Perceiver {
         py.detach(|| work(core)).map_err(|error| fault(&error))
     }
 
+    /// Does something with a picture and it, with the GIL released.
+    fn with_depths<T: Send>(
+        &self,
+        py: Python<'_>,
+        camera: usize,
+        depth: &Bound<'_, PyAny>,
+        work: impl FnOnce(&mut Core, Depth<'_>) -> Result<T, PerceptionError> + Send,
+    ) -> PyResult<T> {
+        let shape = self.inner.take(py)?.size(camera);
+        let check = |given: &[usize]| match shape {
+            Some([rows, columns]) if given != [rows, columns] => {
+                Err(misshapen("depth", given, &format!("({rows}, {columns})")))
+            }
+            _ => Ok(()),
+        };
+        if let Ok(given) = depth.cast::<PyArrayDyn<u16>>() {
+            check(given.shape())?;
+            let rows = given.call_method1("copy", ("C",))?.cast_into::<PyArrayDyn<u16>>()?;
+            let rows = rows.readonly();
+            let depths = rows.as_slice()?;
+            return self.with(py, |core| work(core, Depth::Millimetres(depths)));
+        }
+        let given = float_array("depth", depth)?;
+        check(given.shape())?;
+        let rows = given.readonly();
+        let numbers = rows.as_slice()?;
+        self.with(py, |core| {
+            #[expect(clippy::cast_possible_truncation, reason = "a depth")]
+            let depths: Vec<f32> = numbers.iter().map(|depth| *depth as f32).collect();
+            work(core, Depth::Metres(&depths))
+        })
+    }
+
     /// A vector of each point of the cloud, (k, 3).
     fn of_points<'py>(
         &self,
@@ -286,30 +319,8 @@ impl Perceiver {
         camera: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let (camera, t) = (number_of(camera)?, finite_time(Some(t))?);
-        let shape = self.inner.take(py)?.size(camera);
-        let check = |given: &[usize]| match shape {
-            Some([rows, columns]) if given != [rows, columns] => {
-                Err(misshapen("depth", given, &format!("({rows}, {columns})")))
-            }
-            _ => Ok(()),
-        };
-        let counts = if let Ok(given) = depth.cast::<PyArrayDyn<u16>>() {
-            check(given.shape())?;
-            let rows = given.call_method1("copy", ("C",))?.cast_into::<PyArrayDyn<u16>>()?;
-            let rows = rows.readonly();
-            let depths = rows.as_slice()?;
-            self.with(py, |core| core.see(camera, t, Depth::Millimetres(depths)))?
-        } else {
-            let given = float_array("depth", depth)?;
-            check(given.shape())?;
-            let rows = given.readonly();
-            let numbers = rows.as_slice()?;
-            self.with(py, |core| {
-                #[expect(clippy::cast_possible_truncation, reason = "a depth")]
-                let depths: Vec<f32> = numbers.iter().map(|depth| *depth as f32).collect();
-                core.see(camera, t, Depth::Metres(&depths))
-            })?
-        };
+        let counts =
+            self.with_depths(py, camera, depth, |core, depth| core.see(camera, t, depth))?;
         told(py, counts)
     }
 
@@ -344,6 +355,38 @@ impl Perceiver {
         let (camera, t) = (number_of(camera)?, finite_time(Some(t))?);
         let given = points("cloud", cloud)?;
         told(py, self.with(py, |core| core.see_points(camera, t, &given))?)
+    }
+
+    /// The points of a picture in the frame of its camera, of the pixels that `see` looks at.
+    ///
+    /// Parameters
+    /// ----------
+    /// depth : (rows, columns) array_like
+    ///     Depths, as of `see`.
+    /// camera : int, optional
+    ///     Which camera took it; the first by default.
+    ///
+    /// Returns
+    /// -------
+    /// (k, 3) ndarray
+    ///     Points [m]: z forward, x to the right, y down.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If there is no such camera, or the picture has another shape.
+    #[pyo3(signature = (depth, camera=None), text_signature = "($self, depth, camera=0)")]
+    fn deproject<'py>(
+        &self,
+        py: Python<'py>,
+        depth: &Bound<'py, PyAny>,
+        camera: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Array2<'py>> {
+        let camera = number_of(camera)?;
+        let found =
+            self.with_depths(py, camera, depth, |core, depth| core.deproject(camera, depth))?;
+        let rows = found.len();
+        array2(py, found.into_flattened(), [rows, 3])
     }
 
     /// What is there, (k, 3) [m], at time `t`: the cloud for `Controller.update_points`.

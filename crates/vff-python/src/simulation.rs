@@ -1,7 +1,7 @@
 //! `Simulation`: a scenario one control period at a time.
 
 use crate::call::new_points;
-use crate::convert::{self, array1, array2, vector};
+use crate::convert::{self, array1, array2, depth_pictures, vector};
 use crate::errors::{self, InputError};
 use crate::exclusive::Exclusive;
 use crate::run::prepared;
@@ -298,6 +298,13 @@ impl Simulation {
     #[getter]
     fn state(&self, py: Python<'_>) -> PyResult<State> {
         self.inner.take(py)?.present()
+    }
+
+    /// The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
+    /// measured; none without such cameras.
+    #[getter]
+    fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        depth_pictures(py, self.inner.take(py)?.run.pictures())
     }
 
     /// Whether the scenario's duration is over or the run has failed.

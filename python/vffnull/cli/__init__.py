@@ -38,6 +38,7 @@ from vffnull.cli.common import (
 )
 from vffnull.cli.evaluate import evaluate
 from vffnull.cli.live import live
+from vffnull.cli.perceive import perceive
 from vffnull.cli.plan import plan
 from vffnull.cli.realtime import realtime
 from vffnull.cli.study import study
@@ -138,6 +139,7 @@ def _commands() -> None:
     vffnull live                           play with it in the browser
     vffnull realtime paper-1               run it against the clock
     vffnull plan narrow-gap --out plan.npz plan a motion to where the reference ends
+    vffnull perceive cell.mcap --arm panda replay what depth cameras have recorded
     vffnull evaluate --count 20            controllers side by side on random scenes
     vffnull study run NAME --out results   thousands of runs, resumable, on a cluster too
     vffnull animate paper-1 paper-1.gif    film it
@@ -155,6 +157,7 @@ for _command in (
     arms,
     live,
     plan,
+    perceive,
     realtime,
     evaluate,
     study,

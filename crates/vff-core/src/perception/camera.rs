@@ -226,11 +226,17 @@ impl Camera {
         depths
     }
 
-    /// The point at this depth \[m\] in a pixel \[m\], in the world.
+    /// The point at this depth \[m\] in a pixel \[m\], in the frame of the camera.
+    #[inline]
+    pub(super) fn deproject(&self, pixel: usize, depth: f64) -> Vector<3> {
+        let [x, y] = self.rays[pixel].map(f64::from);
+        Vector::<3>::new(x * depth, y * depth, depth)
+    }
+
+    /// The same in the world.
     #[inline]
     pub(super) fn point(&self, pixel: usize, depth: f64) -> Vector<3> {
-        let [x, y] = self.rays[pixel].map(f64::from);
-        self.origin + self.rotation * Vector::<3>::new(x * depth, y * depth, depth)
+        self.origin + self.rotation * self.deproject(pixel, depth)
     }
 
     /// Where a point of the world is seen; none behind the camera and outside of its picture.

@@ -9,11 +9,13 @@ mod hidden;
 mod history;
 mod self_filter;
 mod settings;
+mod surface;
 mod tracks;
 mod voxels;
 
 pub use camera::{Depth, DepthCamera};
 pub use settings::PerceiverSettings;
+pub use surface::surface_distances;
 pub use tracks::Track;
 
 use crate::geometry::Body;
@@ -261,15 +263,61 @@ impl Perceiver {
         t: f64,
         depth: Depth<'_>,
     ) -> Result<Counts, PerceptionError> {
+        self.of_picture(camera, &depth)?;
+        self.take(camera, t, depth, self.settings.stride)
+    }
+
+    /// The points of a picture \[m\] in the frame of its camera, of the pixels that [`see`](Self::see) looks at. Changes nothing.
+    ///
+    /// # Errors
+    /// If there is no such camera, or the picture has another size.
+    ///
+    /// # Example
+    /// ```
+    /// use std::sync::Arc;
+    /// use vff_core::perception::{Depth, DepthCamera, Perceiver, PerceiverSettings};
+    /// use vff_core::robot::models;
+    ///
+    /// let panda = Arc::new(models::named("panda").unwrap().build().unwrap());
+    /// let camera: DepthCamera =
+    ///     toml::from_str("columns = 3\nrows = 1\nfocal = [2.0, 2.0]\ncentre = [1.0, 0.0]").unwrap();
+    /// let settings = PerceiverSettings { stride: 1, ..PerceiverSettings::default() };
+    /// let perceiver = Perceiver::new(&panda, vec![camera], settings, vec![]).unwrap();
+    /// let points = perceiver.deproject(0, Depth::Millimetres(&[1000, 0, 2000])).unwrap();
+    /// assert_eq!(points, [[-0.5, 0.0, 1.0], [1.0, 0.0, 2.0]]);
+    /// ```
+    pub fn deproject(
+        &self,
+        camera: usize,
+        depth: Depth<'_>,
+    ) -> Result<Vec<[f64; 3]>, PerceptionError> {
+        let eye = self.of_picture(camera, &depth)?;
+        let PerceiverSettings { stride, range, .. } = self.settings;
+        let mut points = vec![];
+        for row in (0..eye.rows()).step_by(stride) {
+            interrupt::checkpoint(eye.columns());
+            let pixels =
+                (0..eye.columns()).step_by(stride).map(|column| row * eye.columns() + column);
+            let measured = pixels.filter_map(|pixel| Some((pixel, depth.metres(pixel)?)));
+            let near = measured.filter(|(_, depth)| *depth <= range);
+            points.extend(near.map(|(pixel, depth)| <[f64; 3]>::from(eye.deproject(pixel, depth))));
+        }
+        Ok(points)
+    }
+
+    fn eye(&self, camera: usize) -> Result<&Camera, PerceptionError> {
         let count = self.cameras.len();
-        let Some(eye) = self.cameras.get(camera) else {
-            return Err(PerceptionError::NotThere { given: camera, count });
-        };
+        self.cameras.get(camera).ok_or(PerceptionError::NotThere { given: camera, count })
+    }
+
+    /// The camera that took a picture of this size.
+    fn of_picture(&self, camera: usize, depth: &Depth<'_>) -> Result<&Camera, PerceptionError> {
+        let eye = self.eye(camera)?;
         let expected = eye.columns() * eye.rows();
         if depth.len() != expected {
             return Err(PerceptionError::Size { expected, given: depth.len() });
         }
-        self.take(camera, t, depth, self.settings.stride)
+        Ok(eye)
     }
 
     /// The same of a cloud of points \[m\] in the frame of the camera, as far as they are in its picture: of those in one pixel
@@ -283,10 +331,7 @@ impl Perceiver {
         t: f64,
         points: &[[f64; 3]],
     ) -> Result<Counts, PerceptionError> {
-        let count = self.cameras.len();
-        let Some(eye) = self.cameras.get(camera) else {
-            return Err(PerceptionError::NotThere { given: camera, count });
-        };
+        let eye = self.eye(camera)?;
         interrupt::checkpoint(64 * points.len());
         let picture = eye.picture(points);
         self.take(camera, t, Depth::Metres(&picture), 1)

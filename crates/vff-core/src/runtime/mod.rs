@@ -18,6 +18,7 @@ pub mod live;
 mod load;
 mod observation;
 pub mod obstacles;
+mod perceiver;
 pub mod points;
 mod prepare;
 #[cfg(feature = "realtime")]
@@ -33,6 +34,7 @@ pub use controller::{
     AnyController, CycleError, ErasedController, Reading, SuccessionError, Target,
 };
 pub use obstacles::AnyObstacles;
+pub use perceiver::read_perceiver;
 pub use points::PointsError;
 pub use prepare::{Ready, check};
 pub use run::{AnyRun, ErasedRun};
