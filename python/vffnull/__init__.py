@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from vffnull.evaluation import scenes
     from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
+    from vffnull.model.body import Body
     from vffnull.model.timing import Histogram
     from vffnull.model.wrench import Wrench
     from vffnull.planning import Plan, PlanStatus, plan
@@ -66,6 +67,7 @@ __all__ = [
     "OBJECTIVES",
     "PORTS",
     "Arm",
+    "Body",
     "ControlSettings",
     "Controller",
     "Distances",
@@ -118,6 +120,7 @@ __all__ = [
 
 # What brings NumPy along, or is not needed by most, is loaded when it is asked for.
 _LATER = {
+    "Body": "vffnull.model.body",
     "Drive": "vffnull.run.drive",
     "DriveReport": "vffnull.run.drive",
     "DriveState": "vffnull.run.drive",
