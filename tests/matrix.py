@@ -91,6 +91,37 @@ def _cloud(scene: vff.Scenario) -> Changes:
     return {"obstacles": obstacles}
 
 
+def _smooth(scene: vff.Scenario) -> Changes:
+    """What moves does so along smooth way points, ten a second; balls turn back and forth meanwhile."""
+    document = scene.to_dict()
+    obstacles = [dict(each) for each in document.get("obstacles", [])]
+    times = np.linspace(0.0, document["duration"], max(2, round(10 * document["duration"])))
+    for each in obstacles:
+        motion = each.get("motion", {"kind": "static"})
+        if motion["kind"] == "linear":
+            way = times[:, None] * np.array(motion["velocity"])
+        elif motion["kind"] == "sinusoid":
+            angle = motion["angular_frequency"] * times + motion.get("phase", 0.0)
+            way = np.sin(angle)[:, None] * np.array(motion["amplitude"])
+        else:
+            continue
+        points = np.array(each.get("position", [0.0] * scene.arm.dimension)) + way
+        made = {
+            "kind": "waypoints",
+            "interpolation": "smooth",
+            "times": times.tolist(),
+            "points": points.tolist(),
+        }
+        if each["shape"]["kind"] in ("circle", "sphere") and "angular_velocity" not in each:
+            swing = 0.2 * np.sin(times)
+            if scene.arm.dimension == 2:
+                made["angles"] = swing.tolist()
+            else:
+                made["orientations"] = [[float(np.cos(a)), 0.0, float(np.sin(a)), 0.0] for a in swing]
+        each.update(position=points[0].tolist(), motion=made)
+    return {"obstacles": obstacles}
+
+
 def _boxes(scene: vff.Scenario) -> Changes:
     """Links as boxes within their capsules."""
     bodies = []
@@ -161,6 +192,7 @@ OPTIONS: dict[str, Option] = {
         ("depth cameras belong to arms in space",),
         exact=False,
     ),
+    "smooth motion": Option(_smooth),
     "governor": Option(lambda _: {"controller.governor": {}}),
     "replanning": Option(lambda _: {"replan": {}}, ("needs a reference that is a plan",)),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),

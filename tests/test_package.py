@@ -66,6 +66,7 @@ CONTRACT = {
     vff.ExtendedJacobian: ("Z", "N_M", "J_e", "J_e_inv", "E_e", "mu", "Lambda_x", "Lambda_n"),
     vff.Obstacle: ("circle", "capsule", "box", "polygon"),
     vff.Motion: ("linear", "sinusoid", "waypoints"),
+    vff.Body: ("from_bvh", "reaching", "swinging", "walking", "placed", "obstacles"),
     vff.Field: ("khatib", "cubic", "bounded"),
     vff.Controller: ("torque", "terms"),
     vff.Terms: ("tau", "tau_task", "tau_null", "tau_vff", "force", "clearance", "N"),

@@ -219,6 +219,10 @@ def test_distances_of_the_two_implementations_agree(arm: str) -> None:
         points = [still["position"], *random.uniform(-0.8, 0.8, (3, 3)).tolist()]
         motion = {"kind": "waypoints", "times": [0.2, 0.7, 1.1, 1.6], "points": points, "orientations": poses}
         obstacles.append(still | {"motion": motion})
+        near = np.array(poses[0]) + np.vstack([np.zeros(4), random.uniform(-0.3, 0.3, (3, 4))])
+        near /= np.linalg.norm(near, axis=1, keepdims=True)
+        smooth = motion | {"interpolation": "smooth", "orientations": [poses[0], *near[1:].tolist()]}
+        obstacles.append(still | {"motion": smooth})
     q = random.uniform(-1.5, 1.5, (50, model.n))
     times = random.uniform(0.0, 2.0, 50)
     found = space.Obstacles(obstacles).distances(bodies.ends(q)[:, moving], bodies.radius[moving], times)

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from vffnull.evaluation import scenes
     from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
+    from vffnull.model.body import Body
     from vffnull.model.timing import Histogram
     from vffnull.model.wrench import Wrench
     from vffnull.planning import Plan, PlanStatus, plan
@@ -69,6 +70,7 @@ __all__ = [
     "OBJECTIVES",
     "PORTS",
     "Arm",
+    "Body",
     "CameraCalibration",
     "CameraReport",
     "ControlSettings",
@@ -128,6 +130,7 @@ __all__ = [
 
 # What brings NumPy along, or is not needed by most, is loaded when it is asked for.
 _LATER = {
+    "Body": "vffnull.model.body",
     "CameraCalibration": "vffnull.run.calibrate",
     "CameraReport": "vffnull.run.perceive",
     "Drive": "vffnull.run.drive",

@@ -45,6 +45,7 @@ __all__ = [
     "real_time",
     "reduce_tree",
     "matrices",
+    "motion_bounds",
     "quaternions",
     "rotations",
     "run",
@@ -1967,6 +1968,20 @@ def check(
     ------
     vffnull.errors.ScenarioError
         If it cannot be used; the message names the key, what was given, and what is allowed.
+    """
+
+def motion_bounds(document: Mapping[str, Any]) -> tuple[float, float]:
+    """A speed [m/s] and an acceleration [m/s²] that a motion of an obstacle never exceeds.
+
+    Parameters
+    ----------
+    document : dict
+        The motion.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If it is none.
     """
 
 @final

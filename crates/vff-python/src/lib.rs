@@ -61,7 +61,8 @@ mod _core {
     use crate::rotations::{matrices, quaternions};
     #[pymodule_export]
     use crate::run::{
-        assess_feasibility, check, format_toml, parse_toml, run, run_many, schema, schema_json,
+        assess_feasibility, check, format_toml, motion_bounds, parse_toml, run, run_many, schema,
+        schema_json,
     };
     #[pymodule_export]
     use crate::shapes::{hull, rotations};

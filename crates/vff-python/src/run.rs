@@ -268,6 +268,25 @@ pub fn check(
     checked?.map_err(|error| errors::scenario(&error))
 }
 
+/// A speed [m/s] and an acceleration [m/s²] that a motion of an obstacle never exceeds.
+///
+/// Parameters
+/// ----------
+/// document : dict
+///     The motion.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If it is none.
+#[pyfunction]
+pub fn motion_bounds(
+    #[pyo3(from_py_with = document)] document: toml::Table,
+) -> PyResult<(f64, f64)> {
+    let bounds = scenario::motion_bounds(&document);
+    bounds.map(Into::into).map_err(|error| errors::scenario(&error))
+}
+
 /// Read TOML.
 ///
 /// Parameters

@@ -83,12 +83,13 @@ class Motion:
         times: ArrayLike,
         points: ArrayLike,
         *,
+        interpolation: str = "linear",
         angles: ArrayLike | None = None,
         orientations: ArrayLike | None = None,
     ) -> Motion:
-        """Go from point to point at constant speed; wait at the first before, at the last after.
+        """Go from point to point; wait at the first before, at the last after.
 
-        With rotations it turns at a constant rate meanwhile, in space about one axis and the shorter way.
+        With rotations it turns meanwhile, in space the shorter way.
 
         Parameters
         ----------
@@ -96,15 +97,37 @@ class Motion:
             Increasing instants [s].
         points : (k, 2) or (k, 3) array_like
             Where the obstacle's position is then [m]; the first one must be the obstacle's position.
+        interpolation : {"linear", "smooth"}, optional
+            Linear: at a constant speed and rate, which jump at the points. Smooth: quintics from rest to
+            rest, whose velocities and accelerations do not jump (docs/theory.md, T177); in space the
+            quaternions go along such, too (T178).
         angles : (k,) array_like, optional
             Its angle then, in the plane [rad]; the first one must be the obstacle's angle.
         orientations : (k, 4) array_like, optional
             Its orientation then, in space: unit quaternions ``[w, x, y, z]``; the first one must be the
             obstacle's orientation.
+
+        Examples
+        --------
+        >>> ramp = Motion.waypoints([0.0, 1.0], [[0, 0, 0], [0.4, 0, 0]], interpolation="smooth")
+        >>> print(f"{ramp.top_speed:.2f} m/s, {ramp.top_acceleration:.1f} m/s²")
+        0.75 m/s, 2.4 m/s²
         """
         rotations = {"angles": angles, "orientations": orientations}
         given = {name: each for name, each in rotations.items() if each is not None}
+        if interpolation != "linear":
+            given["interpolation"] = interpolation
         return _motion("waypoints", times=times, points=points, **given)
+
+    @property
+    def top_speed(self) -> float:
+        """A speed that it never exceeds [m/s]."""
+        return _core.motion_bounds(self.to_dict())[0]
+
+    @property
+    def top_acceleration(self) -> float:
+        """An acceleration that it never exceeds [m/s²], jumps at linear way points not counted."""
+        return _core.motion_bounds(self.to_dict())[1]
 
     def to_dict(self) -> Document:
         """The motion as a part of a scenario document."""

@@ -9,6 +9,7 @@ mod nearest;
 mod noise;
 mod point;
 mod pose;
+pub(crate) mod quintic;
 pub mod rotation;
 mod scalar_or_vec;
 mod sincos;

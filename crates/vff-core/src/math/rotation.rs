@@ -4,6 +4,7 @@
 //! quaternion (cos ½θ, sin ½θ · axis). All rotations act on vectors from the left.
 
 use super::Vector;
+use super::quintic::Coordinates;
 use nalgebra::Matrix3;
 use std::ops::Mul;
 
@@ -228,6 +229,31 @@ pub enum OrientationError {
     Quaternion,
     /// The rotation vector itself, θ along the axis: ë + D ė + K e = 0 can hold for it exactly.
     Logarithm,
+}
+
+/// The quaternions of `orientations`, each with the sign that brings it nearest to the one before.
+pub(crate) fn continued(orientations: &[UnitQuaternion]) -> Vec<Vector<4>> {
+    let mut before = Vector::<4>::zeros();
+    let quaternion = |orientation: &UnitQuaternion| {
+        let q = Vector::from(orientation.to_array());
+        before = if q.dot(&before) < 0.0 { -q } else { q };
+        before
+    };
+    orientations.iter().map(quaternion).collect()
+}
+
+/// The orientation of a quaternion p of any length, with its angular velocity \[rad/s\] and acceleration \[rad/s²\] in world
+/// axes (T102): ω = 2 Im(ṗ p*)/|p|².
+pub(crate) fn along(p: &Coordinates<4>) -> (UnitQuaternion, Vector<3>, Vector<3>) {
+    let square = p.x.norm_squared();
+    let imaginary = |a: &Vector<4>, b: &Vector<4>| {
+        let (a_imaginary, b_imaginary) =
+            (Vector::<3>::new(a[1], a[2], a[3]), Vector::<3>::new(b[1], b[2], b[3]));
+        a_imaginary * b[0] - b_imaginary * a[0] - a_imaginary.cross(&b_imaginary)
+    };
+    let omega = imaginary(&p.dx, &p.x) * (2.0 / square);
+    let alpha = imaginary(&p.ddx, &p.x) * (2.0 / square) - omega * (2.0 * p.x.dot(&p.dx) / square);
+    (UnitQuaternion::normalised(p.x.into()), omega, alpha)
 }
 
 /// The matrix of the cross product: `skew(a) b = a × b`.

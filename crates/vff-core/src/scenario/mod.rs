@@ -45,7 +45,7 @@ use crate::simulation::{
     ActuatorSettings, ContactSettings, Control, MeasurementSettings, Options, PerceptionKind,
     PerceptionSettings, Plane, Pull, ReplanSettings, Space, Wrench,
 };
-use crate::world::ObstacleGeometry;
+use crate::world::{Motion, ObstacleGeometry};
 use any_scene::on_scene;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -164,6 +164,30 @@ fn check_in<S: FromDocument<D>, const D: usize>(
         Part::Wrench => validate::wrench::<D>(&read(document)?),
         Part::Motion => validate::motion::<D>(&read(document)?),
         _ => read::<S::Reference>(&tables::reference(document)?.0).map(drop),
+    }
+}
+
+/// A speed \[m/s\] and an acceleration \[m/s²\] that a motion of an obstacle never exceeds, jumps of its velocity not counted.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+///
+/// # Example
+/// ```
+/// let motion = vff_core::scenario::parse_toml(
+///     "kind = \"sinusoid\"\namplitude = [0.0, 0.5, 0.0]\nangular_frequency = 2.0",
+/// );
+/// assert_eq!(vff_core::scenario::motion_bounds(&motion.unwrap()), Ok([1.0, 2.0]));
+/// ```
+pub fn motion_bounds(document: &Table) -> Result<[f64; 2], ScenarioError> {
+    fn bounds<const D: usize>(document: &Table) -> Result<[f64; 2], ScenarioError> {
+        let motion: Motion<D> = read(document)?;
+        validate::motion(&motion)?;
+        Ok([motion.top_speed(), motion.top_acceleration()])
+    }
+    match tables::dimension_of(Part::Motion, document) {
+        3 => bounds::<3>(document),
+        _ => bounds::<2>(document),
     }
 }
 

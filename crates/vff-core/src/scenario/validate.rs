@@ -23,7 +23,7 @@ use crate::simulation::{
     ReplanSettings, Wrench,
 };
 use crate::trajectory::GovernorSettings;
-use crate::world::Motion;
+use crate::world::{Interpolation, Motion};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Debug;
 use toml::{Table, Value};
@@ -522,7 +522,9 @@ pub fn turning<R: PartialEq + Debug>(
 
 /// The motion of an obstacle.
 pub fn motion<const D: usize>(motion: &Motion<D>) -> Validated {
-    let Motion::Waypoints { times, points, angles, orientations } = motion else { return Ok(()) };
+    let Motion::Waypoints { times, points, angles, orientations, interpolation } = motion else {
+        return Ok(());
+    };
     if times.is_empty() {
         return Err(ScenarioError::out_of_range("times", "at least one instant", times));
     }
@@ -549,6 +551,18 @@ pub fn motion<const D: usize>(motion: &Motion<D>) -> Validated {
             let requirement = format!("later than {}", times[i - 1]);
             return Err(ScenarioError::out_of_range(format!("times[{i}]"), &requirement, times[i]));
         }
+    }
+    let tops = [motion.top_speed(), motion.top_acceleration()];
+    if *interpolation == Interpolation::Smooth && !tops.iter().all(|top| top.is_finite()) {
+        let problem = "are too far apart for `times`: no speed between them is finite".into();
+        return Err(ScenarioError::new("points", Problem::Other(problem)));
+    }
+    if let Some(i) = motion.orientation_apart() {
+        let problem = "cannot be turned to smoothly from the one before at such a rate: give one between them";
+        return Err(ScenarioError::new(
+            format!("orientations[{i}]"),
+            Problem::Other(problem.into()),
+        ));
     }
     Ok(())
 }

@@ -1,11 +1,11 @@
 //! Joints along a plan: the clamped cubic spline, at rest at both ends (T117).
 
 use super::piecewise;
-use super::polynomial::{horner, quintic};
 use super::spline::{Ends, cubics};
 use super::{KeptMargins, TrajectoryError};
 use crate::interrupt;
 use crate::math::Vector;
+use crate::math::quintic::{horner, quintic};
 
 /// Positions of `n` joints over time: cubics through knots (C²), at rest at the first and at the last of them, where it
 /// stays before and after.

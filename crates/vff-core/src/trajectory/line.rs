@@ -1,8 +1,8 @@
 //! A straight line from rest to rest.
 
 use super::TrajectoryError;
-use super::coordinates::Coordinates;
 use crate::math::Vector;
+use crate::math::quintic::Coordinates;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Line<const M: usize> {

@@ -4,7 +4,6 @@
 //! [`Trajectory::at`] evaluates it without allocating. What a reference is for a kind of pose is said by
 //! [`Guided`]: [`plane`] and [`space`] have theirs.
 
-mod coordinates;
 mod error;
 mod governor;
 mod joints;

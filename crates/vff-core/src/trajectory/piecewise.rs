@@ -1,9 +1,8 @@
 //! Piecewise polynomials between knots, held outside: what waypoints and tables become.
 
-use super::coordinates::Coordinates;
-use super::polynomial::horner;
 use super::{TrajectoryError, vector};
 use crate::math::Vector;
+use crate::math::quintic::{Coordinates, horner};
 
 /// A polynomial with `K` coefficients between any two neighbouring knots.
 #[derive(Debug, Clone, PartialEq)]

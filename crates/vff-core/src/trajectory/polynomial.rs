@@ -1,8 +1,8 @@
 //! Polynomials in time.
 
 use super::TrajectoryError;
-use super::coordinates::Coordinates;
 use crate::math::Vector;
+use crate::math::quintic::{Coordinates, horner};
 
 /// A polynomial for each axis; all axes are evaluated together.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,41 +34,6 @@ impl<const M: usize> Polynomial<M> {
     pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         horner(&self.coefficients, t)
     }
-}
-
-/// Value and derivatives at `t` of the polynomial with these factors of 1, t, t², …
-#[inline]
-pub(super) fn horner<const M: usize>(coefficients: &[Vector<M>], t: f64) -> Coordinates<M> {
-    // Horner's scheme, differentiated twice; the last sum is half the second derivative.
-    let mut x = Vector::zeros();
-    let mut dx = Vector::zeros();
-    let mut half_ddx = Vector::zeros();
-    for coefficient in coefficients.iter().rev() {
-        half_ddx = half_ddx * t + dx;
-        dx = dx * t + x;
-        x = x * t + coefficient;
-    }
-    Coordinates { x, dx, ddx: half_ddx * 2.0 }
-}
-
-/// The quintic of duration `h` \[s\] between two states \[x, ẋ, ẍ\].
-pub(super) fn quintic<const M: usize>(
-    [x0, dx0, ddx0]: [Vector<M>; 3],
-    [x1, dx1, ddx1]: [Vector<M>; 3],
-    h: f64,
-) -> [Vector<M>; 6] {
-    // What the first three terms leave to be made up at the end, scaled to unit duration.
-    let x = x1 - x0 - dx0 * h - ddx0 * (0.5 * h * h);
-    let dx = (dx1 - dx0 - ddx0 * h) * h;
-    let ddx = (ddx1 - ddx0) * (h * h);
-    [
-        x0,
-        dx0,
-        ddx0 * 0.5,
-        (x * 10.0 - dx * 4.0 + ddx * 0.5) / h.powi(3),
-        (x * -15.0 + dx * 7.0 - ddx) / h.powi(4),
-        (x * 6.0 - dx * 3.0 + ddx * 0.5) / h.powi(5),
-    ]
 }
 
 #[cfg(test)]

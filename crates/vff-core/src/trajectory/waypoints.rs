@@ -1,31 +1,12 @@
 //! A smooth path through a few points, from rest to rest.
 
 use super::piecewise::Piecewise;
-use super::polynomial::quintic;
 use crate::math::Vector;
+use crate::math::quintic::piece;
 
-/// Quintics through `points` at `times` (checked by [`super::piecewise::check`]).
-///
-/// At rest at both ends. At an interior point, velocity and acceleration are those of the
-/// parabola through it and its two neighbours (three-point differences; for the velocity the
-/// non-uniform Catmull–Rom rule). Local and linear in the points, exact on parabolas.
+/// Quintics through `points` at `times` (checked by [`super::piecewise::check`]): [`piece`] after piece.
 pub(super) fn through<const M: usize>(times: &[f64], points: &[Vector<M>]) -> Piecewise<M, 6> {
-    let duration = |i: usize| times[i + 1] - times[i];
-    let slope = |i: usize| (points[i + 1] - points[i]) / duration(i);
-    let derivatives = |i: usize| {
-        if i == 0 || i + 1 == points.len() {
-            return (Vector::zeros(), Vector::zeros());
-        }
-        let (before, after) = (duration(i - 1), duration(i));
-        let total = before + after;
-        let dx = (slope(i - 1) * after + slope(i) * before) / total;
-        let ddx = (slope(i) - slope(i - 1)) * (2.0 / total);
-        (dx, ddx)
-    };
-    Piecewise::new(times, points, |i| {
-        let ((dx0, ddx0), (dx1, ddx1)) = (derivatives(i), derivatives(i + 1));
-        quintic([points[i], dx0, ddx0], [points[i + 1], dx1, ddx1], duration(i))
-    })
+    Piecewise::new(times, points, |i| piece(times, |i| points[i], i))
 }
 
 #[cfg(test)]

@@ -335,8 +335,17 @@ pub(super) mod tests {
             (point(2.0), -9.0..9.0, scale(), -9.0..9.0).prop_map(|(amplitude, omega, s, phase)| {
                 Motion::Sinusoid { amplitude, angular_frequency: s * omega, phase }
             }),
-            prop::collection::vec(point(5.0), 4)
-                .prop_map(|points| Motion::waypoints(vec![-1.0, 0.5, 0.501, 3.0], points)),
+            (prop::collection::vec(point(5.0), 4), any::<bool>()).prop_map(
+                |(points, is_smooth)| {
+                    let mut motion = Motion::waypoints(vec![-1.0, 0.5, 0.501, 3.0], points);
+                    if let Motion::Waypoints { interpolation, .. } = &mut motion
+                        && is_smooth
+                    {
+                        *interpolation = crate::world::Interpolation::Smooth;
+                    }
+                    motion
+                }
+            ),
             [vector(), vector()].prop_map(|[from, to]| {
                 Motion::Dragged(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
             }),

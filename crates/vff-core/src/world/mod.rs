@@ -11,6 +11,7 @@
 mod broad_phase;
 mod cast;
 mod contact;
+mod curve;
 mod hierarchy;
 mod hull_query;
 mod motion;
@@ -28,7 +29,7 @@ mod within;
 pub use crate::math::Feature;
 pub use broad_phase::HORIZON;
 pub use contact::{Contact, Pair};
-pub use motion::{Motion, MotionState};
+pub use motion::{Interpolation, Motion, MotionState};
 pub use obstacle_geometry::{Asked, Description, Hierarchy, ObstacleGeometry, top_speed};
 pub use outlook::{Ahead, Outlook};
 pub use query::{CollisionQuery, Positions};

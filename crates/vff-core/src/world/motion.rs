@@ -1,6 +1,8 @@
 //! How an obstacle moves, with its exact velocity and acceleration.
 
-use crate::math::{Point, ThirdOrderFilter, Vector, sin_cos};
+use super::curve::Curve;
+use crate::math::quintic::{Coordinates, control_points, horner, piece, tops};
+use crate::math::{Point, ThirdOrderFilter, UnitQuaternion, Vector, sin_cos};
 use serde::Deserialize;
 
 /// The prescribed motion of an obstacle. It says where the obstacle is, and at way points how it is turned; what turns it
@@ -41,7 +43,7 @@ pub enum Motion<const D: usize> {
         #[serde(default)]
         phase: f64,
     },
-    /// From point to point at constant speed. The points *are* the positions, the initial
+    /// From point to point, at constant speed or smoothly. The points *are* the positions, the initial
     /// position of the obstacle is not used. Waits at the first point before `times[0]` and
     /// at the last one after the last time.
     Waypoints {
@@ -50,17 +52,45 @@ pub enum Motion<const D: usize> {
         /// Position at each instant \[m\].
         #[serde(deserialize_with = "Point::read_list")]
         points: Vec<[f64; D]>,
-        /// In the plane, angle at each instant \[rad\]; at a constant rate from one to the next. Empty: none.
+        /// What lies between the points.
+        #[serde(default)]
+        interpolation: Interpolation,
+        /// In the plane, angle at each instant \[rad\]. Empty: none.
         #[serde(default)]
         angles: Vec<f64>,
-        /// In space, orientation at each instant: quaternions \[w, x, y, z\] of norm 1 within 1 %; about one axis at a
-        /// constant rate from one to the next, the shorter way. Empty: none.
+        /// In space, orientation at each instant: quaternions \[w, x, y, z\] of norm 1 within 1 %. Empty: none.
         #[serde(default)]
         orientations: Vec<[f64; 4]>,
     },
     /// Dragged to a place by hand while the loop runs; no scenario says so.
     #[serde(skip)]
     Dragged(ThirdOrderFilter<D>),
+}
+
+/// What lies between way points.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::world::{Interpolation, Motion};
+///
+/// let mut motion = Motion::waypoints(vec![0.0, 1.0, 2.0], vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]);
+/// if let Motion::Waypoints { interpolation, .. } = &mut motion {
+///     *interpolation = Interpolation::Smooth;
+/// }
+/// let [start, middle] = [0.0, 1.0].map(|t| motion.at(t, Vector::<2>::zeros()).velocity.x);
+/// assert_eq!([start, middle], [0.0, 1.0]);
+/// assert!(motion.top_speed() < 2.5);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// Constant speed; in the plane a constant rate, in space a rotation about one axis at a constant rate, the shorter way.
+    /// Velocities jump at the points.
+    #[default]
+    Linear,
+    /// Quintics from rest to rest, twice continuously differentiable (T177); in space of the quaternions, normalised (T178).
+    Smooth,
 }
 
 /// Where an obstacle is and how it moves at one instant.
@@ -108,7 +138,13 @@ impl<const D: usize> Default for Motion<D> {
 impl<const D: usize> Motion<D> {
     /// From point to point \[m\] at these instants \[s\], without turning.
     pub fn waypoints(times: Vec<f64>, points: Vec<[f64; D]>) -> Self {
-        Self::Waypoints { times, points, angles: vec![], orientations: vec![] }
+        Self::Waypoints {
+            times,
+            points,
+            interpolation: Interpolation::Linear,
+            angles: vec![],
+            orientations: vec![],
+        }
     }
 
     /// The same motion elsewhere: where it names points, they are displaced by `shift` \[m\].
@@ -134,6 +170,7 @@ impl<const D: usize> Motion<D> {
             Self::Sinusoid { amplitude, angular_frequency, .. } => {
                 Vector::from(*amplitude).norm() * angular_frequency.abs()
             }
+            Self::Waypoints { interpolation: Interpolation::Smooth, .. } => self.tops()[0],
             Self::Waypoints { times, points, .. } => {
                 let leg = |i: usize| {
                     let [from, to] = [points[i - 1], points[i]].map(Vector::<D>::from);
@@ -143,6 +180,51 @@ impl<const D: usize> Motion<D> {
             }
             Self::Dragged(filter) => filter.top_speed(),
         }
+    }
+
+    /// An acceleration that the obstacle never exceeds \[m/s²\]; where its velocity jumps, as it does at linear way points, that is
+    /// not counted.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::world::Motion;
+    ///
+    /// let swing = Motion::Sinusoid { amplitude: [0.5, 0.0], angular_frequency: 2.0, phase: 0.0 };
+    /// assert_eq!(swing.top_acceleration(), 2.0);
+    /// ```
+    pub fn top_acceleration(&self) -> f64 {
+        match self {
+            Self::Sinusoid { angular_frequency, .. } => self.top_speed() * angular_frequency.abs(),
+            Self::Waypoints { interpolation: Interpolation::Smooth, .. } => self.tops()[1],
+            Self::Dragged(_) => f64::INFINITY,
+            _ => 0.0,
+        }
+    }
+
+    /// The number of the first orientation that is too far from the one before for a smooth rotation (T178).
+    pub fn orientation_apart(&self) -> Option<usize> {
+        match self {
+            Self::Waypoints {
+                times, orientations, interpolation: Interpolation::Smooth, ..
+            } => {
+                let turn = |q: &[f64; 4]| UnitQuaternion::new(*q).unwrap_or_default();
+                let turns: Vec<_> = orientations.iter().map(turn).collect();
+                Curve::orientations(times, &turns).err()
+            }
+            _ => None,
+        }
+    }
+
+    /// What speed and acceleration never exceed between smooth way points.
+    fn tops(&self) -> [f64; 2] {
+        let Self::Waypoints { times, points, .. } = self else { return [0.0; 2] };
+        let times = &times[..times.len().min(points.len())];
+        let tops = |i: usize| {
+            let coefficients = piece(times, |i| Vector::from(points[i]), i);
+            tops(&coefficients, times[i + 1] - times[i])
+        };
+        let most = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+        (0..times.len().saturating_sub(1)).map(tops).fold([0.0; 2], most)
     }
 
     /// The state at time `t` \[s\] of an obstacle whose initial position is `position0` \[m\].
@@ -168,7 +250,9 @@ impl<const D: usize> Motion<D> {
                     elapsed: 0.0,
                 }
             }
-            Self::Waypoints { times, points, .. } => along(times, points, t, position0),
+            Self::Waypoints { times, points, interpolation, .. } => {
+                along(times, points, *interpolation, t, position0)
+            }
             Self::Dragged(filter) => {
                 let [position, velocity, acceleration] = filter.at(t);
                 MotionState { position, velocity, acceleration, elapsed: 0.0 }
@@ -195,17 +279,29 @@ impl<const D: usize> Motion<D> {
                         .map(|sin| position0 + amplitude * sin),
                 )
             }
-            Self::Waypoints { times, points, .. } => {
+            Self::Waypoints { times, points, interpolation, .. } => {
                 let n = times.len().min(points.len());
                 let (times, points) = (&times[..n], &points[..n]);
                 let first = times.partition_point(|&time| time <= t0).max(1);
                 let last = times.partition_point(|&time| time < t1);
-                (first..n.min(last + 1))
-                    .flat_map(|next| {
-                        let (start, end) = (times[next - 1].max(t0), times[next].min(t1));
-                        [start, end].map(|t| leg(times, points, next, t).position)
-                    })
-                    .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
+                (first..n.min(last + 1)).fold(hull(ends), |around, next| {
+                    let span = [times[next - 1].max(t0), times[next].min(t1)];
+                    match interpolation {
+                        Interpolation::Linear => {
+                            let ends = span.map(|t| leg(times, points, next, t).position);
+                            ends.iter().fold(around, with)
+                        }
+                        Interpolation::Smooth => {
+                            let whole = part(times, points, next, [times[next - 1], times[next]]);
+                            let size = whole.iter().map(|p| p.amax()).fold(0.0, f64::max);
+                            let rounding = ROUNDING * size;
+                            part(times, points, next, span).iter().fold(around, |around, p| {
+                                let apart = [-rounding, rounding].map(|by| p.add_scalar(by));
+                                apart.iter().fold(around, with)
+                            })
+                        }
+                    }
+                })
             }
             Self::Dragged(filter) => {
                 let goal = filter.goal();
@@ -221,10 +317,19 @@ fn hull<const D: usize>([a, b]: [Vector<D>; 2]) -> [Vector<D>; 2] {
     [a.inf(&b), a.sup(&b)]
 }
 
-/// The state at time `t` on the polyline through `points`; at rest at `fallback` without points.
+/// What rounding takes from a position on a quintic, as a share of the largest of its control points' coordinates.
+const ROUNDING: f64 = 1e-13;
+
+/// The box around another point as well.
+fn with<const D: usize>([low, high]: [Vector<D>; 2], point: &Vector<D>) -> [Vector<D>; 2] {
+    [low.inf(point), high.sup(point)]
+}
+
+/// The state at time `t` on the way through `points`; at rest at `fallback` without points.
 fn along<const D: usize>(
     times: &[f64],
     points: &[[f64; D]],
+    interpolation: Interpolation,
     t: f64,
     fallback: Vector<D>,
 ) -> MotionState<D> {
@@ -237,7 +342,35 @@ fn along<const D: usize>(
     if passed == 0 {
         return MotionState::at_rest(Vector::from(*next));
     }
-    leg(times, points, passed, t)
+    match interpolation {
+        Interpolation::Linear => leg(times, points, passed, t),
+        Interpolation::Smooth => {
+            let Coordinates { x, dx, ddx } = smooth(times, points, passed, t);
+            MotionState { position: x, velocity: dx, acceleration: ddx, elapsed: 0.0 }
+        }
+    }
+}
+
+/// The quintic to point `next` > 0 at time `t`.
+fn smooth<const D: usize>(
+    times: &[f64],
+    points: &[[f64; D]],
+    next: usize,
+    t: f64,
+) -> Coordinates<D> {
+    let coefficients = piece(times, |i| Vector::from(points[i]), next - 1);
+    horner(&coefficients, t - times[next - 1])
+}
+
+/// The control points of that quintic from one instant to the other.
+fn part<const D: usize>(
+    times: &[f64],
+    points: &[[f64; D]],
+    next: usize,
+    [from, to]: [f64; 2],
+) -> [Vector<D>; 6] {
+    let [start, end] = [from, to].map(|t| smooth(times, points, next, t));
+    control_points(&start, &end, to - from)
 }
 
 /// The state at time `t` on the way to point `next` > 0.
@@ -266,6 +399,11 @@ mod tests {
         let acceleration = (after.velocity - before.velocity) / (2.0 * h);
         assert!((now.velocity - velocity).norm() < 1e-5, "{now:?}");
         assert!((now.acceleration - acceleration).norm() < 1e-5, "{now:?}");
+    }
+
+    fn smooth(times: Vec<f64>, points: Vec<[f64; 2]>) -> Motion<2> {
+        let (interpolation, angles, orientations) = (Interpolation::Smooth, vec![], vec![]);
+        Motion::Waypoints { times, points, interpolation, angles, orientations }
     }
 
     fn two() -> impl Strategy<Value = [f64; 2]> {
@@ -301,6 +439,33 @@ mod tests {
             check_derivatives(&motion, t, Vector::zeros());
         }
 
+        /// Smooth way points: derivatives are exact and within their bounds, and none of them jumps at a point.
+        #[test]
+        fn smooth_waypoints_are_twice_differentiable(
+            points in prop::collection::vec(two(), 4), fraction in 0.01..0.99, leg in 0usize..3,
+        ) {
+            let times = vec![-1.0, 0.5, 1.0, 4.0];
+            let motion = smooth(times.clone(), points.clone());
+            let t = times[leg] + fraction * (times[leg + 1] - times[leg]);
+            let at = |t: f64| motion.at(t, Vector::zeros());
+            let h = 1e-5;
+            let [before, now, after] = [-h, 0.0, h].map(|step| at(t + step));
+            let scale = motion.top_acceleration() / 0.1;
+            prop_assert!((now.velocity - (after.position - before.position) / (2.0 * h)).norm() < 1e-8 * (1.0 + scale));
+            prop_assert!((now.acceleration - (after.velocity - before.velocity) / (2.0 * h)).norm() < 1e-6 * (1.0 + scale));
+            prop_assert!(now.velocity.norm() <= motion.top_speed() * (1.0 + 1e-12));
+            prop_assert!(now.acceleration.norm() <= motion.top_acceleration() * (1.0 + 1e-12));
+            for (time, point) in times.iter().zip(&points) {
+                let [before, now] = [at(time - 1e-9), at(*time)];
+                prop_assert!((now.position - Vector::from(*point)).norm() < 1e-13);
+                prop_assert!((before.velocity - now.velocity).norm() < 1e-8 * (1.0 + scale));
+                prop_assert!((before.acceleration - now.acceleration).norm() < 1e-5 * (1.0 + scale));
+            }
+            for rest in [at(-1.5), at(4.0), at(9.0)] {
+                prop_assert_eq!(rest, MotionState::at_rest(rest.position));
+            }
+        }
+
         #[test]
         fn every_position_is_inside_the_extent(
             vectors in prop::collection::vec(two(), 6), numbers in [-3.0..3.0, -3.0..3.0],
@@ -312,8 +477,9 @@ mod tests {
             let [angular_frequency, phase] = numbers.map(|x| scale * x);
             let position0 = Vector::from(position0);
             let goal = Vector::from(vectors[2].map(|x| scale * x));
-            let points = vectors.iter().map(|v| v.map(|x| scale * x)).collect();
+            let points: Vec<_> = vectors.iter().map(|v| v.map(|x| scale * x)).collect();
             let (t0, t1) = (t0, t0 + duration);
+            let smooth_points = points.clone();
             for motion in [
                 Motion::default(),
                 Motion::Linear { velocity: amplitude },
@@ -321,6 +487,8 @@ mod tests {
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
                 Motion::waypoints(vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points),
                 Motion::waypoints(vec![], vec![]),
+                smooth(vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], smooth_points),
+                smooth(vec![], vec![]),
                 Motion::Dragged(ThirdOrderFilter::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
@@ -367,9 +535,14 @@ mod tests {
             (vec![0.0], vec![[1.0, 1.0], [2.0, 2.0]]),
             (vec![f64::NAN, 1.0], vec![[1.0, 1.0], [2.0, 2.0]]),
         ] {
-            let motion = Motion::waypoints(times, points);
-            for t in [-1.0, 0.0, 0.5, 2.0, f64::NAN] {
-                motion.at(t, position0);
+            let [linear, smooth] =
+                [Motion::waypoints, smooth].map(|way| way(times.clone(), points.clone()));
+            for motion in [linear, smooth] {
+                motion.top_speed();
+                for t in [-1.0, 0.0, 0.5, 2.0, f64::NAN] {
+                    motion.at(t, position0);
+                    motion.extent(t, t + 1.0, position0);
+                }
             }
         }
     }

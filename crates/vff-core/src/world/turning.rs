@@ -1,5 +1,6 @@
 //! How an obstacle turns about its position: at a constant angular velocity, or at one after the other.
 
+use super::curve::{Curve, block};
 use super::{Contact, Feature, MotionState};
 use crate::math::rotation::UnitQuaternion;
 use crate::math::{Capsule, Vector, sin_cos};
@@ -30,6 +31,11 @@ impl Spin<3> {
     /// At an angular velocity, world axes \[rad/s\].
     pub fn spatial(omega: &Vector<3>) -> Self {
         Self(crate::math::rotation::skew(omega))
+    }
+
+    /// Its part in the first `D` dimensions.
+    pub(super) fn block<const D: usize>(&self) -> Spin<D> {
+        Spin(block(&self.0))
     }
 }
 
@@ -74,6 +80,8 @@ pub struct Turn<const D: usize> {
     pub rotation: Rotation<D>,
     /// Its rate.
     pub spin: Spin<D>,
+    /// How that changes \[rad/s²\].
+    pub spin_rate: Spin<D>,
 }
 
 impl<const D: usize> Turn<D> {
@@ -102,13 +110,18 @@ impl<const D: usize> Turn<D> {
         let moving = self.spin.rate_of(&arm);
         // What goes on within the frame that turns, by itself (T180).
         let own = turned(&seen.velocity);
+        let mut acceleration =
+            acceleration + self.spin.rate_of(&moving) + self.spin.rate_of(&own) * 2.0;
+        if !self.spin_rate.is_none() {
+            acceleration += self.spin_rate.rate_of(&arm);
+        }
         Contact {
             normal: turned(&seen.normal),
             point: position + turned(&seen.point),
             axis: turned(&seen.axis),
             witness: position + arm,
             velocity: velocity + moving + own,
-            acceleration: acceleration + self.spin.rate_of(&moving) + self.spin.rate_of(&own) * 2.0,
+            acceleration,
             spin: self.spin,
             feature: match seen.feature {
                 Feature::Edge { edge, distance } => Feature::Edge { edge: turned(&edge), distance },
@@ -131,7 +144,7 @@ impl<const D: usize> Turn<D> {
 /// use vff_core::world::{Rotation, Spin, Turn, Turning};
 ///
 /// let turning = Turning::steady(Spin::planar(FRAC_PI_2)).unwrap(); // a quarter turn a second
-/// let Turn { rotation, spin } = turning.at(1.0);
+/// let Turn { rotation, spin, .. } = turning.at(1.0);
 /// let quarter = Rotation::<2>::new(0.0, -1.0, 1.0, 0.0);
 /// assert!((rotation - quarter).norm() < 1e-15);
 /// assert_eq!(spin.rate_of(&Vector::<2>::new(1.0, 0.0)), Vector::<2>::new(0.0, FRAC_PI_2));
@@ -143,7 +156,7 @@ pub struct Turning<const D: usize> {
     legs: Vec<Leg<D>>,
 }
 
-/// A rotation at a constant rate.
+/// A rotation at a constant rate, or along a curve.
 #[derive(Debug, Clone, PartialEq)]
 struct Leg<const D: usize> {
     /// When it begins \[s\].
@@ -152,13 +165,22 @@ struct Leg<const D: usize> {
     at: f64,
     rotation: Rotation<D>,
     spin: Spin<D>,
+    /// Where there is one, it takes the place of the rotation and its rate.
+    curve: Option<Curve>,
+}
+
+impl<const D: usize> Leg<D> {
+    /// At a constant rate.
+    fn steady(from: f64, at: f64, rotation: Rotation<D>, spin: Spin<D>) -> Self {
+        Self { from, at, rotation, spin, curve: None }
+    }
 }
 
 impl<const D: usize> Turning<D> {
     /// At a constant rate, as described at t = 0; none at rest.
     pub fn steady(spin: Spin<D>) -> Option<Self> {
         let (from, rotation) = (f64::NEG_INFINITY, Rotation::identity());
-        (!spin.is_none()).then(|| Self { legs: vec![Leg { from, at: 0.0, rotation, spin }] })
+        (!spin.is_none()).then(|| Self { legs: vec![Leg::steady(from, 0.0, rotation, spin)] })
     }
 
     /// From rotation to rotation at constant rates, the first one as described; at rest before and after.
@@ -168,12 +190,27 @@ impl<const D: usize> Turning<D> {
     /// * `steps`: the rotation vectors, as rates over 1 s, that lead from one to the next: one less than instants.
     pub fn through(times: &[f64], steps: impl IntoIterator<Item = Spin<D>>) -> Self {
         let mut rotation = Rotation::identity();
-        let still = |from, rotation| Leg { from, at: 0.0, rotation, spin: Spin::NONE };
+        let still = |from, rotation| Leg::steady(from, 0.0, rotation, Spin::NONE);
         let mut legs = vec![still(f64::NEG_INFINITY, rotation)];
         for (leg, step) in times.windows(2).zip(steps) {
             let spin = Spin(step.0 / (leg[1] - leg[0]));
-            legs.push(Leg { from: leg[0], at: leg[0], rotation, spin });
+            legs.push(Leg::steady(leg[0], leg[0], rotation, spin));
             rotation = step.after(1.0) * rotation;
+        }
+        legs.extend(times.last().map(|last| still(*last, rotation)));
+        Self { legs }
+    }
+
+    /// Along curves, each from an instant \[s\] to the next, the first one as described; at rest before and after.
+    pub(super) fn smooth(times: &[f64], curves: Vec<Curve>) -> Self {
+        let still = |from, rotation| Leg::steady(from, 0.0, rotation, Spin::NONE);
+        let mut legs = vec![still(f64::NEG_INFINITY, Rotation::identity())];
+        let mut rotation = Rotation::identity();
+        for (leg, curve) in times.windows(2).zip(curves) {
+            let next = curve.at(leg[1] - leg[0]).rotation;
+            let steady = Leg::steady(leg[0], leg[0], rotation, Spin::NONE);
+            legs.push(Leg { curve: Some(curve), ..steady });
+            rotation = next;
         }
         legs.extend(times.last().map(|last| still(*last, rotation)));
         Self { legs }
@@ -189,20 +226,29 @@ impl<const D: usize> Turning<D> {
     /// From now on it is turned as `now` at time `t` \[s\], and goes on at that rate.
     pub fn go_on(&mut self, t: f64, now: &Turn<D>) {
         self.legs.clear();
-        let Turn { rotation, spin } = *now;
-        self.legs.push(Leg { from: f64::NEG_INFINITY, at: t, rotation, spin });
+        let Turn { rotation, spin, .. } = *now;
+        self.legs.push(Leg::steady(f64::NEG_INFINITY, t, rotation, spin));
     }
 
     /// How it is turned at time `t` \[s\]; the rate from the right where it jumps.
     pub fn at(&self, t: f64) -> Turn<D> {
         let passed = self.legs.partition_point(|leg| leg.from <= t);
-        let Leg { at, rotation, spin, .. } = &self.legs[passed.saturating_sub(1)];
-        Turn { rotation: *rotation, spin: *spin }.after(t - at)
+        let Leg { at, rotation, spin, curve, .. } = &self.legs[passed.saturating_sub(1)];
+        match curve {
+            Some(curve) => curve.at(t - at),
+            None => {
+                let spin_rate = Spin::NONE;
+                Turn { rotation: *rotation, spin: *spin, spin_rate }.after(t - at)
+            }
+        }
     }
 
-    /// The highest rate \[rad/s\].
+    /// A rate that it never exceeds \[rad/s\].
     pub fn top_rate(&self) -> f64 {
-        self.legs.iter().map(|leg| leg.spin.magnitude()).fold(0.0, f64::max)
+        let top = |leg: &Leg<D>| {
+            leg.curve.as_ref().map_or_else(|| leg.spin.magnitude(), |curve| curve.top_rate)
+        };
+        self.legs.iter().map(top).fold(0.0, f64::max)
     }
 }
 
@@ -211,12 +257,11 @@ impl Turning<3> {
     pub fn toward(t: f64, now: &Rotation<3>, goal: &UnitQuaternion, rate: f64) -> Self {
         let way = (*goal * UnitQuaternion::from_matrix(now).inverse()).log();
         let duration = way.norm() / rate;
-        let leg = |from, at, rotation, spin| Leg { from, at, rotation, spin };
-        let mut legs = vec![leg(f64::NEG_INFINITY, 0.0, *now, Spin::NONE)];
+        let mut legs = vec![Leg::steady(f64::NEG_INFINITY, 0.0, *now, Spin::NONE)];
         if duration > 0.0 {
-            legs.push(leg(t, t, *now, Spin::spatial(&(way / duration))));
+            legs.push(Leg::steady(t, t, *now, Spin::spatial(&(way / duration))));
         }
-        legs.push(leg(t + duration, 0.0, goal.matrix(), Spin::NONE));
+        legs.push(Leg::steady(t + duration, 0.0, goal.matrix(), Spin::NONE));
         Self { legs }
     }
 }

@@ -35,6 +35,8 @@ class Motion:
         motion = self.motion
         if motion["kind"] == "waypoints":
             points = np.asarray(motion["points"], dtype=float)
+            if motion.get("interpolation") == "smooth":
+                return _smooth(np.asarray(motion["times"], dtype=float), points, times)
             return np.stack([np.interp(times, motion["times"], column) for column in points.T], axis=1)
         away = np.zeros((len(times), len(self.position)))
         if motion["kind"] == "linear":
@@ -60,6 +62,7 @@ class Turning:
         motion = obstacle.get("motion") or {}
         self._orientations = np.array(motion.get("orientations", ()), dtype=float).reshape(-1, 4)
         self._times = np.asarray(motion.get("times", ()), dtype=float)
+        self._smooth = motion.get("interpolation") == "smooth"
         self._rate = np.asarray(obstacle.get("angular_velocity", np.zeros(3)), dtype=float)
 
     def __call__(self, times: Array) -> Array:
@@ -68,6 +71,11 @@ class Turning:
             if not self._rate.any():
                 return self._start[None]
             return product(_rotations(times[:, None] * self._rate), self._start)
+        if self._smooth:
+            turned = self._orientations / np.linalg.norm(self._orientations, axis=1, keepdims=True)
+            flips = np.where((turned[1:] * turned[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+            turned[1:] *= np.cumprod(flips)[:, None]
+            return np.asarray(rotation(_smooth(self._times, turned, times)))
         turns = rotation(self._orientations)
         if len(turns) == 1:
             return turns
@@ -78,6 +86,22 @@ class Turning:
         angle = 2.0 * np.arctan2(length, between[:, 0])
         axis = between[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
         return product(_rotations((share * angle)[:, None] * axis), turns[k])
+
+
+def _smooth(knots: Array, points: Array, times: Array) -> Array:
+    """Along quintics through points, at rest before and after; at points the derivatives of parabolas."""
+    from scipy.interpolate import BPoly
+
+    slopes = np.diff(points, axis=0) / np.diff(knots)[:, None]
+    first, second = np.zeros_like(points), np.zeros_like(points)
+    if len(knots) > 2:
+        first[1:-1] = np.gradient(points, knots, axis=0)[1:-1]
+        second[1:-1] = 2.0 * np.diff(slopes, axis=0) / (knots[2:] - knots[:-2])[:, None]
+    if len(knots) == 1:
+        return np.repeat(points, len(times), axis=0)
+    curve = BPoly.from_derivatives(knots, np.stack([points, first, second], axis=1))
+    found: Array = curve(np.clip(times, knots[0], knots[-1]))
+    return found
 
 
 def _rotations(vectors: Array) -> Array:

@@ -9,7 +9,7 @@ use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
 use crate::robot::spatial::SpatialState;
 use crate::robot::spatial::cases::{Case, case, link};
 use crate::world::space::{Obstacle, Points, Shape, World, check_hull};
-use crate::world::{CollisionQuery, Contact, Feature, Motion};
+use crate::world::{CollisionQuery, Contact, Feature, Interpolation, Motion};
 use proptest::prelude::*;
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -111,11 +111,16 @@ fn moving() -> impl Strategy<Value = Moving> {
             Motion::Sinusoid { amplitude, angular_frequency, phase }
         }),
         // About where it is: the position is that of the obstacle wherever the points are.
-        (three(1.0), three(2.0)).prop_map(|(way, turn)| {
+        (three(1.0), three(2.0), any::<bool>()).prop_map(|(way, turn, is_smooth)| {
             let turned = UnitQuaternion::exp(&turn.into()).to_array();
             let orientations = vec![[1.0, 0.0, 0.0, 0.0], turned];
-            let (times, points) = (vec![-1.0, 1.0], vec![way.map(|x| -x), way]);
-            Motion::Waypoints { times, points, angles: vec![], orientations }
+            // Not in the middle of a smooth way, where nothing is accelerated.
+            let (interpolation, start) = match is_smooth {
+                true => (Interpolation::Smooth, -0.6),
+                false => (Interpolation::Linear, -1.0),
+            };
+            let (times, points) = (vec![start, 1.0], vec![way.map(|x| -x), way]);
+            Motion::Waypoints { times, points, interpolation, angles: vec![], orientations }
         }),
     ];
     let angular_velocity = prop_oneof![1 => Just([0.0; 3]), 2 => three(2.0)];

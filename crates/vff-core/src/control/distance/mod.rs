@@ -204,8 +204,8 @@ pub(super) mod tests {
     use crate::math::{Vector, perp};
     use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
     use crate::testing::{Case, case};
-    use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};
+    use crate::world::{Interpolation, Motion};
     use proptest::prelude::*;
     use std::cell::RefCell;
     use std::f64::consts::{PI, TAU};
@@ -236,11 +236,19 @@ pub(super) mod tests {
             (two(), 0.2..2.0, one()).prop_map(|(amplitude, angular_frequency, phase)| {
                 Motion::Sinusoid { amplitude, angular_frequency, phase }
             }),
-            (two(), one()).prop_map(|([x, y], angle)| Motion::Waypoints {
-                times: vec![-1.0, 1.0],
-                points: vec![[0.0, 0.0], [x, y]],
-                angles: vec![0.0, 3.0 * angle],
-                orientations: vec![],
+            (two(), one(), any::<bool>()).prop_map(|([x, y], angle, is_smooth)| {
+                Motion::Waypoints {
+                    // Not in the middle of a smooth way, where nothing is accelerated.
+                    times: vec![if is_smooth { -0.6 } else { -1.0 }, 1.0],
+                    points: vec![[0.0, 0.0], [x, y]],
+                    interpolation: if is_smooth {
+                        Interpolation::Smooth
+                    } else {
+                        Interpolation::Linear
+                    },
+                    angles: vec![0.0, 3.0 * angle],
+                    orientations: vec![],
+                }
             }),
         ];
         let rate = prop_oneof![Just(0.0), -2.0..2.0f64];

@@ -1,8 +1,8 @@
 //! A reference of the plane, whose poses are vectors of coordinates, ready to be evaluated.
 
 use super::{Circle, Lissajous, Reference};
+use crate::math::quintic::Coordinates;
 use crate::math::{ThirdOrderFilter, Vector};
-use crate::trajectory::coordinates::Coordinates;
 use crate::trajectory::line::Line;
 use crate::trajectory::piecewise::{self, Piecewise};
 use crate::trajectory::polynomial::Polynomial;

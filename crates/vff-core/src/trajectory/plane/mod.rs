@@ -3,9 +3,9 @@
 mod curve;
 mod reference;
 
-use super::coordinates::Coordinates;
 use super::lissajous::oscillation;
 use super::{Guided, Knots, Sample, TrajectoryError};
+use crate::math::quintic::Coordinates;
 use crate::math::{PlanarPose, Vector, sin_cos};
 use curve::Curve;
 

@@ -6,8 +6,8 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
-use super::coordinates::Coordinates;
 use super::{Guided, Knots, Sample, TrajectoryError};
+use crate::math::quintic::Coordinates;
 use crate::math::rotation::UnitQuaternion;
 use crate::math::{Pointing, SpatialPose, Vector};
 use orientation::{Orientation, Turning};

@@ -2,9 +2,9 @@
 
 use super::SpatialReference;
 use super::position::direction;
-use crate::math::rotation::{UnitQuaternion, left_jacobian, left_jacobian_rate};
+use crate::math::quintic::Coordinates;
+use crate::math::rotation::{UnitQuaternion, along, continued, left_jacobian, left_jacobian_rate};
 use crate::math::{ThirdOrderFilter, Vector};
-use crate::trajectory::coordinates::Coordinates;
 use crate::trajectory::line::Line;
 use crate::trajectory::piecewise::Piecewise;
 use crate::trajectory::{TrajectoryError, table, waypoints};
@@ -142,8 +142,8 @@ impl Orientation {
                 omega: *omega,
                 alpha: Vector::zeros(),
             },
-            Kind::Waypoints(quintics) => normalised(&quintics.at(t)),
-            Kind::Table(cubics) => normalised(&cubics.at(t)),
+            Kind::Waypoints(quintics) => Turning::along(&quintics.at(t)),
+            Kind::Table(cubics) => Turning::along(&cubics.at(t)),
             Kind::Resting(resting) => {
                 let (there, filter) = &**resting;
                 let [phi, rate, change] = filter.at(t);
@@ -164,6 +164,12 @@ impl Orientation {
 }
 
 impl Turning {
+    /// Turned by a quaternion of any length.
+    fn along(p: &Coordinates<4>) -> Self {
+        let (orientation, omega, alpha) = along(p);
+        Self { orientation, omega, alpha }
+    }
+
     /// What turns like this at time `t` \[s\] and comes to rest in the orientation `goal`, or in this one, with the pole
     /// `rate` \[1/s\].
     pub(super) fn rest(&self, t: f64, goal: Option<UnitQuaternion>, rate: f64) -> Orientation {
@@ -177,17 +183,6 @@ impl Turning {
         let filter = ThirdOrderFilter::new(t, [zero, omega, alpha], turn, rate);
         Orientation(Kind::Resting(Box::new((orientation, filter))))
     }
-}
-
-/// The quaternions of `orientations`, each with the sign that brings it nearest to the one before.
-fn continued(orientations: &[UnitQuaternion]) -> Vec<Vector<4>> {
-    let mut before = Vector::<4>::zeros();
-    let quaternion = |orientation: &UnitQuaternion| {
-        let q = Vector::from(orientation.to_array());
-        before = if q.dot(&before) < 0.0 { -q } else { q };
-        before
-    };
-    orientations.iter().map(quaternion).collect()
 }
 
 /// `spline`, if none of its pieces comes near to the zero quaternion, which is no orientation.
@@ -205,17 +200,4 @@ fn bounded<const K: usize>(
         Some(i) => Err(TrajectoryError::OrientationsApart { index: i + 1 }),
         None => Ok(spline),
     }
-}
-
-/// The orientation of a quaternion p of any length (T102): ω = 2 Im(ṗ p*)/|p|².
-fn normalised(p: &Coordinates<4>) -> Turning {
-    let square = p.x.norm_squared();
-    let imaginary = |a: &Vector<4>, b: &Vector<4>| {
-        let (a_imaginary, b_imaginary) =
-            (Vector::<3>::new(a[1], a[2], a[3]), Vector::<3>::new(b[1], b[2], b[3]));
-        a_imaginary * b[0] - b_imaginary * a[0] - a_imaginary.cross(&b_imaginary)
-    };
-    let omega = imaginary(&p.dx, &p.x) * (2.0 / square);
-    let alpha = imaginary(&p.ddx, &p.x) * (2.0 / square) - omega * (2.0 * p.x.dot(&p.dx) / square);
-    Turning { orientation: UnitQuaternion::normalised(p.x.into()), omega, alpha }
 }

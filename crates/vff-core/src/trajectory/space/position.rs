@@ -1,8 +1,8 @@
 //! Where the end effector is to be: curves through points of space.
 
 use super::SpatialReference;
+use crate::math::quintic::Coordinates;
 use crate::math::{ThirdOrderFilter, Vector, sin_cos};
-use crate::trajectory::coordinates::Coordinates;
 use crate::trajectory::line::Line;
 use crate::trajectory::lissajous::oscillation;
 use crate::trajectory::piecewise::{self, Piecewise};

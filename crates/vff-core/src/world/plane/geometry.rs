@@ -6,9 +6,10 @@ use super::hierarchy::Boxes;
 use super::{Obstacle, Shape, Vec2, from_glam, shape, to_glam};
 use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, Vector, sin_cos};
+use crate::world::curve::Curve;
 use crate::world::{
-    Contact, Description, Feature, Motion, MotionState, ObstacleGeometry, Pair, Rotation, Spin,
-    Turn, Turning,
+    Contact, Description, Feature, Interpolation, Motion, MotionState, ObstacleGeometry, Pair,
+    Rotation, Spin, Turn, Turning,
 };
 
 impl Description<2> for Obstacle {
@@ -28,9 +29,14 @@ impl Description<2> for Obstacle {
 
     fn turning(&self) -> Option<Turning<2>> {
         match &self.motion {
-            Motion::Waypoints { times, angles, .. } if !angles.is_empty() => {
-                let steps = angles.windows(2).map(|pair| Spin::planar(pair[1] - pair[0]));
-                Some(Turning::through(times, steps))
+            Motion::Waypoints { times, angles, interpolation, .. } if !angles.is_empty() => {
+                Some(match interpolation {
+                    Interpolation::Smooth => Turning::smooth(times, Curve::angles(times, angles)),
+                    Interpolation::Linear => {
+                        let steps = angles.windows(2).map(|pair| Spin::planar(pair[1] - pair[0]));
+                        Turning::through(times, steps)
+                    }
+                })
             }
             _ => Turning::steady(Spin::planar(self.angular_velocity)),
         }
@@ -38,7 +44,8 @@ impl Description<2> for Obstacle {
 
     fn turned(&self, orientation: &[f64], rate: &[f64]) -> Result<Turn<2>, NotARotation> {
         let (sin, cos) = sin_cos(orientation[0] - self.angle);
-        Ok(Turn { rotation: Rotation::<2>::new(cos, -sin, sin, cos), spin: Spin::planar(rate[0]) })
+        let rotation = Rotation::<2>::new(cos, -sin, sin, cos);
+        Ok(Turn { rotation, spin: Spin::planar(rate[0]), spin_rate: Spin::NONE })
     }
 
     fn set_motion(&mut self, motion: Motion<2>) {

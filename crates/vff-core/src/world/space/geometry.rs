@@ -8,9 +8,10 @@ use crate::geometry::axis::{Probe, seen_from};
 use crate::geometry::{Convex, MAX_FEATURES, PlacedHull};
 use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, UnitQuaternion, Vector};
+use crate::world::curve::Curve;
 use crate::world::{
-    Ahead, Asked, Contact, Description, Motion, MotionState, ObstacleGeometry, Pair, Spin, Turn,
-    Turning,
+    Ahead, Asked, Contact, Description, Interpolation, Motion, MotionState, ObstacleGeometry, Pair,
+    Spin, Turn, Turning,
 };
 
 impl Description<3> for Obstacle {
@@ -30,12 +31,23 @@ impl Description<3> for Obstacle {
 
     fn turning(&self) -> Option<Turning<3>> {
         match &self.motion {
-            Motion::Waypoints { times, orientations, .. } if !orientations.is_empty() => {
+            Motion::Waypoints { times, orientations, interpolation, .. }
+                if !orientations.is_empty() =>
+            {
                 let turn = |q: &[f64; 4]| UnitQuaternion::new(*q).unwrap_or_default();
-                let steps = orientations
-                    .windows(2)
-                    .map(|pair| Spin::spatial(&(turn(&pair[1]) * turn(&pair[0]).inverse()).log()));
-                Some(Turning::through(times, steps))
+                Some(match interpolation {
+                    Interpolation::Smooth => {
+                        // Validated: neighbours are not far apart.
+                        let turns: Vec<_> = orientations.iter().map(turn).collect();
+                        let curves = Curve::orientations(times, &turns).unwrap_or_default();
+                        Turning::smooth(times, curves)
+                    }
+                    Interpolation::Linear => {
+                        let way = |pair: &[[f64; 4]]| turn(&pair[1]) * turn(&pair[0]).inverse();
+                        let steps = orientations.windows(2).map(|p| Spin::spatial(&way(p).log()));
+                        Turning::through(times, steps)
+                    }
+                })
             }
             _ => Turning::steady(Spin::spatial(&self.angular_velocity.into())),
         }
@@ -45,7 +57,8 @@ impl Description<3> for Obstacle {
         let [w, x, y, z] = orientation else { panic!("an orientation of {orientation:?}") };
         let described = UnitQuaternion::new(self.orientation).unwrap_or_default();
         let rotation = (UnitQuaternion::new([*w, *x, *y, *z])? * described.inverse()).matrix();
-        Ok(Turn { rotation, spin: Spin::spatial(&Vector::from_column_slice(rate)) })
+        let spin = Spin::spatial(&Vector::from_column_slice(rate));
+        Ok(Turn { rotation, spin, spin_rate: Spin::NONE })
     }
 
     fn set_motion(&mut self, motion: Motion<3>) {
