@@ -33,7 +33,8 @@ impl PlacedHull<'_, 3> {
         });
         let others = Farthest(|direction: &Vector<3>| other.farthest(direction));
         let first = Vec3::from_array((-self.position).into());
-        let seen = |direction: Vec3| CsoPoint::from_shapes(&Pose::IDENTITY, &own, &others, direction);
+        let seen =
+            |direction: Vec3| CsoPoint::from_shapes(&Pose::IDENTITY, &own, &others, direction);
         let begin = seen(first);
         if !(begin.point.length() + self.rotation.sum()).is_finite() {
             return f64::NAN;
@@ -66,7 +67,8 @@ pub(crate) fn gap_between([a, b]: [&Form<'_>; 2], limit: f64) -> f64 {
         (Some(hull), Some(other)) => {
             let rotation = other.rotation.tr_mul(hull.rotation);
             let position = other.seen(&hull.position);
-            PlacedHull { hull: hull.hull, rotation: &rotation, position }.gap(other.hull, 0.0, limit)
+            PlacedHull { hull: hull.hull, rotation: &rotation, position }
+                .gap(other.hull, 0.0, limit)
         }
     }
 }

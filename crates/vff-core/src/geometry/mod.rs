@@ -21,7 +21,8 @@ mod shape_fault;
 
 pub use axis::{Probe, perpendicular};
 pub use body::{Body, PlacedHull, StillBody};
-pub use contact_features::{ContactFeature, Form, contact_features};
+pub(crate) use contact_features::Form;
+pub use contact_features::{ContactFeature, contact_features};
 pub(crate) use convex_hull_query::{Convex, HullContact, MAX_FEATURES, Onward, averted};
 pub(crate) use gap::gap_between;
 pub use hull::{Hull, HullError, MAX_CORNERS, check_hull, faces_of_hull};

@@ -72,7 +72,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     ///
     /// # Arguments
     /// * `boxes`: those of this world since its last update.
-    pub fn for_each_within(
+    pub(crate) fn for_each_within(
         &mut self,
         boxes: &ObstacleBoxes<D>,
         body: &Body<'_, D>,
@@ -102,7 +102,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     ///
     /// # Panics
     /// If `j` is not less than [`World::len`].
-    pub fn at_least(&mut self, j: usize, body: &Body<'_, D>, limit: f64) -> f64 {
+    pub(crate) fn at_least(&mut self, j: usize, body: &Body<'_, D>, limit: f64) -> f64 {
         let probe = S::probe(&body.shape);
         let obstacle = &mut self.obstacles[j];
         obstacle.move_to(self.time);

@@ -97,7 +97,7 @@ impl<const D: usize> OwnPair<D> {
 
     /// How far two bodies of `robot` are apart at least \[m\], the still ones counted behind the others: of capsules the distance,
     /// of hulls less by rounding alone. From `limit` on, anything that is not below.
-    pub fn at_least<R: Robot<D>>(robot: &R, pair: [usize; 2], limit: f64) -> f64 {
+    pub(crate) fn at_least<R: Robot<D>>(robot: &R, pair: [usize; 2], limit: f64) -> f64 {
         interrupt::checkpoint(32);
         let still = robot.still_bodies();
         let of = |i: usize| match still.get(i.wrapping_sub(robot.body_count())) {

@@ -368,9 +368,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let way_of = |space: &Self, two: Two| match two {
             Two::Obstacle { body, .. } => motion.ways[space.robot.body(body).link],
             Two::Own(pair) => {
-                let [a, b] = pair.map(|i| {
-                    (i < space.robot.body_count()).then(|| space.robot.body(i).link)
-                });
+                let [a, b] =
+                    pair.map(|i| (i < space.robot.body_count()).then(|| space.robot.body(i).link));
                 let (from, to) = if a < b { (a, b) } else { (b, a) }; // the base, None, is before all links
                 to.map_or(0.0, |to| space.reach.way(motion.ends, from, to))
             }
