@@ -100,9 +100,24 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
 
     /// How far `body` is from obstacle `j` at least \[m\]; see [`ObstacleGeometry::at_least`].
     ///
+    /// # Example
+    /// ```
+    /// use vff_core::geometry::Body;
+    /// use vff_core::math::{Capsule, Vector};
+    /// use vff_core::world::plane::{Obstacle, World};
+    ///
+    /// let disc = r#"position = [2.0, 0.0]
+    /// shape = { circle = { radius = 0.5 } }"#;
+    /// let mut world = World::new(vec![toml::from_str::<Obstacle>(disc).unwrap()]);
+    /// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1);
+    /// let distance = world.at_least(0, &Body::new(0, link), f64::INFINITY);
+    /// assert!((distance - 0.4).abs() < 1e-12);
+    /// assert!(world.at_least(0, &Body::new(0, link), 0.1) >= 0.1);
+    /// ```
+    ///
     /// # Panics
     /// If `j` is not less than [`World::len`].
-    pub(crate) fn at_least(&mut self, j: usize, body: &Body<'_, D>, limit: f64) -> f64 {
+    pub fn at_least(&mut self, j: usize, body: &Body<'_, D>, limit: f64) -> f64 {
         let probe = S::probe(&body.shape);
         let obstacle = &mut self.obstacles[j];
         obstacle.move_to(self.time);

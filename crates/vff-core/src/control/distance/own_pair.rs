@@ -97,7 +97,19 @@ impl<const D: usize> OwnPair<D> {
 
     /// How far two bodies of `robot` are apart at least \[m\], the still ones counted behind the others: of capsules the distance,
     /// of hulls less by rounding alone. From `limit` on, anything that is not below.
-    pub(crate) fn at_least<R: Robot<D>>(robot: &R, pair: [usize; 2], limit: f64) -> f64 {
+    ///
+    /// # Example
+    /// ```
+    /// use std::sync::Arc;
+    /// use vff_core::control::distance::OwnPair;
+    /// use vff_core::robot::{Robot, models};
+    ///
+    /// let arm = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+    /// let far = |pair| OwnPair::at_least(&arm, pair, f64::INFINITY);
+    /// let apart = arm.body_pairs().map(far).fold(f64::INFINITY, f64::min);
+    /// assert!(arm.body_pairs().all(|pair| OwnPair::at_least(&arm, pair, apart) >= apart));
+    /// ```
+    pub fn at_least<R: Robot<D>>(robot: &R, pair: [usize; 2], limit: f64) -> f64 {
         interrupt::checkpoint(32);
         let still = robot.still_bodies();
         let of = |i: usize| match still.get(i.wrapping_sub(robot.body_count())) {
