@@ -2,6 +2,7 @@
 
     python benches/motion_bench.py                       10 problems of every family, Panda and UR5
     python benches/motion_bench.py --problems 100        all of them
+    python benches/motion_bench.py --first 11            ten others than those that planning was tuned on
     python benches/motion_bench.py --robots panda --collision file
 
 The problems (Chamzas et al., 2022) come with URDF, SRDF and meshes in the source distribution of
@@ -77,15 +78,15 @@ def fetched(folder: Path) -> Path:
     return resources
 
 
-def problems(robot: Path, joints: list[str], most: int) -> Iterator[Problem]:
-    """The problems of a robot, family by family."""
+def problems(robot: Path, joints: list[str], first: int, last: int) -> Iterator[Problem]:
+    """The problems of a robot with numbers from the first to the last, family by family."""
     pairs: dict[tuple[str, int], dict[str, Any]] = {}
     with tarfile.open(robot / "problems.tar.bz2") as tar:
         for member in tar:
             if member.isfile() and (file := tar.extractfile(member)) is not None:
                 _, family, name = member.name.split("/")
                 kind, number = name[:-9], int(name[-9:-5])
-                if number <= most:
+                if first <= number <= last:
                     pairs.setdefault((family.removesuffix(f"_{robot.name}"), number), {})[kind] = file.read()
     for (family, number), texts in sorted(pairs.items()):
         scene, request = (yaml.load(texts[kind], yaml.CSafeLoader) for kind in ("scene", "request"))
@@ -202,7 +203,8 @@ def table(robot: str, rows: list[Row]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--robots", nargs="+", choices=TIPS, default=list(TIPS))
-    parser.add_argument("--problems", type=int, default=10, help="of each family, at most 100")
+    parser.add_argument("--first", type=int, default=1, help="number of the first of each family")
+    parser.add_argument("--problems", type=int, default=10, help="of each family from there on, up to 100")
     parser.add_argument("--families", nargs="+", help="all by default")
     parser.add_argument("--collision", choices=["fit", "file"], default="fit", help="shapes of the links")
     parser.add_argument("--seed", type=int, default=0)
@@ -225,7 +227,7 @@ def main() -> None:
             judge = Judge(robot)
             joints = [each for each in judge.model.names if each != "universe"]
             rows = []
-            for problem in problems(robot, joints, given.problems):
+            for problem in problems(robot, joints, given.first, given.first + given.problems - 1):
                 if given.families and problem.family not in given.families:
                     continue
                 rows.append(solve(arm, problem, judge, given.seed))

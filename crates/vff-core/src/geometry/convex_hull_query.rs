@@ -29,6 +29,17 @@ pub(crate) trait Convex {
     /// Calls `visit` with its corners, the ends of an axis, or a centre; `onward` are unit vectors along which it goes on
     /// there, among others between them.
     fn for_each_corner(&self, visit: impl FnMut(&Vector<3>, Onward<'_>));
+    /// The corner that is farthest along a direction.
+    fn farthest(&self, direction: &Vector<3>) -> Vector<3> {
+        let mut best = (f64::NEG_INFINITY, Vector::zeros());
+        self.for_each_corner(|corner, _| {
+            let ahead = direction.dot(corner);
+            if ahead > best.0 {
+                best = (ahead, *corner);
+            }
+        });
+        best.1
+    }
     /// Calls `visit` with its edges. `onward` as there.
     fn for_each_edge(&self, visit: impl FnMut(&Probe, Onward<'_>));
     /// Calls `visit` with the outward unit normals of its faces, and their offsets \[m\].

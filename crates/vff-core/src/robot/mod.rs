@@ -283,6 +283,11 @@ pub trait Robot<const D: usize> {
         _visit: &mut dyn FnMut(&ContactFeature<D>),
     ) {
     }
+    /// How far a pair of these bodies is apart at least \[m\], of which one is a hull: never more than their distance, and less by
+    /// rounding alone; `limit` where it is not below that, and −∞ where they overlap. ∞ where both are capsules.
+    fn apart_at_least(&self, _pair: [usize; 2], _limit: f64) -> f64 {
+        f64::INFINITY
+    }
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` \[m/s\].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.

@@ -168,6 +168,20 @@ pub trait ObstacleGeometry<const D: usize>: Clone + Debug + Send + 'static {
         }
     }
 
+    /// How far a body is at least \[m\], the capsule that was made ready or the hull that it is `around`: never more than their
+    /// distance, and less by rounding alone (T194). From `limit` on, anything that is not below; where they overlap, anything that
+    /// is negative and not less deep.
+    fn at_least(
+        &self,
+        hull: Option<&PlacedHull<'_, D>>,
+        around: &Self::Probe,
+        state: &MotionState<D>,
+        limit: f64,
+    ) -> f64 {
+        let _ = hull;
+        self.distance_below(around, state, limit)
+    }
+
     /// The most barriers that one hull can have.
     fn hull_barriers(&self) -> usize {
         self.barriers()

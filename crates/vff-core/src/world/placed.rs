@@ -146,6 +146,27 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         turn.place(&found, state)
     }
 
+    /// How far a body is at least; see [`ObstacleGeometry::at_least`].
+    pub(super) fn at_least(
+        &self,
+        hull: Option<&PlacedHull<'_, D>>,
+        around: &S::Probe,
+        limit: f64,
+    ) -> f64 {
+        let state = &self.state;
+        let Some(turn) = self.turn() else {
+            return self.geometry.at_least(hull, around, state, limit);
+        };
+        let (around, rest) = (Self::seen(around, &state.position, turn), state.own_frame());
+        let Some(hull) = hull else {
+            return self.geometry.at_least(None, &around, &rest, limit);
+        };
+        let rotation = turn.rotation.tr_mul(hull.rotation);
+        let position = turn.rotation.tr_mul(&(hull.position - state.position));
+        let hull = PlacedHull { hull: hull.hull, rotation: &rotation, position };
+        self.geometry.at_least(Some(&hull), &around, &rest, limit)
+    }
+
     /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds, were the obstacle in this state and
     /// turned so.
     #[expect(

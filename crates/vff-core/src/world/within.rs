@@ -44,40 +44,86 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         limit: f64,
     ) -> f64 {
         let probe = S::probe(&body.shape);
-        let [low, high] = box_around(&body.shape);
         let mut least = f64::INFINITY;
-        for (j, [rear, front]) in boxes.0.iter().enumerate() {
-            if self.obstacles[j].is_hidden {
-                continue;
-            }
+        self.for_each_within(boxes, body, limit, |world, j| {
             let bound = least.min(limit);
-            let gap = (rear - high).sup(&(low - front)).map(|gap| gap.max(0.0));
-            // False where it is undefined, and so below.
-            if bound <= 0.0 && gap.amax() > 0.0
-                || bound > 0.0 && gap.norm_squared() >= bound * bound
-            {
-                continue;
-            }
-            let obstacle = &mut self.obstacles[j];
-            obstacle.move_to(self.time);
+            let obstacle = &mut world.obstacles[j];
+            obstacle.move_to(world.time);
             let mut distance = obstacle.distance_below(&probe, bound);
             if distance >= bound {
-                continue;
+                return bound;
             }
             if let Some(hull) = &body.hull {
                 let pair = Pair { body: 0, link: body.link, obstacle: j };
                 let (state, turn) = (&obstacle.state, obstacle.turn());
                 distance = obstacle.hull_contact(pair, hull, &probe, state, turn).distance;
                 if distance >= bound {
-                    continue;
+                    return bound;
                 }
             }
             least = distance;
-            if least.is_nan() {
-                return least;
+            if least.is_nan() { f64::NEG_INFINITY } else { least.min(limit) }
+        });
+        least
+    }
+
+    /// Calls `visit` with the number of every obstacle that is not hidden and whose box comes within `limit` \[m\] of the body's;
+    /// it returns the limit from then on, −∞ for no more.
+    ///
+    /// # Arguments
+    /// * `boxes`: those of this world since its last update.
+    pub(crate) fn for_each_within(
+        &mut self,
+        boxes: &ObstacleBoxes<D>,
+        body: &Body<'_, D>,
+        mut limit: f64,
+        mut visit: impl FnMut(&mut Self, usize) -> f64,
+    ) {
+        let [low, high] = box_around(&body.shape);
+        for (j, [rear, front]) in boxes.0.iter().enumerate() {
+            if self.obstacles[j].is_hidden {
+                continue;
+            }
+            let gap = (rear - high).sup(&(low - front)).map(|gap| gap.max(0.0));
+            // False where it is undefined.
+            if limit <= 0.0 && gap.amax() > 0.0
+                || limit > 0.0 && gap.norm_squared() >= limit * limit
+            {
+                continue;
+            }
+            limit = visit(self, j);
+            if limit == f64::NEG_INFINITY {
+                return;
             }
         }
-        least
+    }
+
+    /// How far `body` is from obstacle `j` at least \[m\]; see [`ObstacleGeometry::at_least`].
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::geometry::Body;
+    /// use vff_core::math::{Capsule, Vector};
+    /// use vff_core::world::plane::{Obstacle, World};
+    ///
+    /// let disc = r#"position = [2.0, 0.0]
+    /// shape = { circle = { radius = 0.5 } }"#;
+    /// let mut world = World::new(vec![toml::from_str::<Obstacle>(disc).unwrap()]);
+    /// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1);
+    /// let distance = world.at_least(0, &Body::new(0, link), f64::INFINITY);
+    /// assert!((distance - 0.4).abs() < 1e-12);
+    /// assert!(world.at_least(0, &Body::new(0, link), 0.1) >= 0.1);
+    /// ```
+    ///
+    /// # Panics
+    /// If `j` is not less than [`World::len`].
+    pub fn at_least(&mut self, j: usize, body: &Body<'_, D>, limit: f64) -> f64 {
+        let probe = S::probe(&body.shape);
+        let obstacle = &mut self.obstacles[j];
+        obstacle.move_to(self.time);
+        let Some(hull) = &body.hull else { return obstacle.at_least(None, &probe, limit) };
+        let around = obstacle.at_least(None, &probe, limit);
+        if around >= limit { around } else { obstacle.at_least(Some(hull), &probe, limit) }
     }
 }
 

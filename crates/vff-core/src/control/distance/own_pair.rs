@@ -95,6 +95,39 @@ impl<const D: usize> OwnPair<D> {
         }
     }
 
+    /// How far two bodies of `robot` are apart at least \[m\], the still ones counted behind the others: of capsules the distance,
+    /// of hulls less by rounding alone. From `limit` on, anything that is not below.
+    ///
+    /// # Example
+    /// ```
+    /// use std::sync::Arc;
+    /// use vff_core::control::distance::OwnPair;
+    /// use vff_core::robot::{Robot, models};
+    ///
+    /// let arm = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+    /// let far = |pair| OwnPair::at_least(&arm, pair, f64::INFINITY);
+    /// let apart = arm.body_pairs().map(far).fold(f64::INFINITY, f64::min);
+    /// assert!(arm.body_pairs().all(|pair| OwnPair::at_least(&arm, pair, apart) >= apart));
+    /// ```
+    pub fn at_least<R: Robot<D>>(robot: &R, pair: [usize; 2], limit: f64) -> f64 {
+        interrupt::checkpoint(32);
+        let still = robot.still_bodies();
+        let of = |i: usize| match still.get(i.wrapping_sub(robot.body_count())) {
+            Some(still) => (still.shape, still.hull.is_some()),
+            None => {
+                let body = robot.body(i);
+                (body.shape, body.hull.is_some())
+            }
+        };
+        let [(a, one), (b, other)] = pair.map(of);
+        let distance = nearest(&a, &b).distance;
+        if distance >= limit || !(one || other) {
+            return distance;
+        }
+        interrupt::checkpoint(256);
+        robot.apart_at_least(pair, limit)
+    }
+
     /// Takes what is nearest of two bodies in place of the capsules around them, where one is a hull.
     #[inline(never)]
     fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {

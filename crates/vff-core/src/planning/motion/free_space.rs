@@ -59,6 +59,36 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     clearance: Vec<f64>,
     bodies: Vec<Body<'static, D>>,
     middle: Vec<f64>,
+    /// What may be near in the parts of a motion that is certified.
+    near: Vec<Near>,
+    /// What kept the last motion from being free that was not: likely to block the next one, too.
+    blocker: Option<Two>,
+}
+
+/// Two that must not come too near to each other.
+#[derive(Debug, Clone, Copy)]
+enum Two {
+    /// A body of the arm and an obstacle, each by its number, with the number of the world.
+    Obstacle { body: usize, world: usize, obstacle: usize },
+    /// Two bodies of the arm, the still ones counted behind the others.
+    Own([usize; 2]),
+}
+
+/// Two that may be near to each other in a part of a motion.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    two: Two,
+    /// How far one goes at most in the whole motion as the other sees it \[m\].
+    way: f64,
+}
+
+/// A motion that is certified.
+struct Motion<'a> {
+    ends: [&'a [f64]; 2],
+    /// How far each link goes at most \[m\].
+    ways: Vec<f64>,
+    /// The longest of these ways \[m\].
+    farthest: f64,
 }
 
 /// From when to when things that move are looked for \[s\].
@@ -118,6 +148,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             clearance: vec![f64::INFINITY; n],
             bodies: vec![],
             middle: vec![0.0; n],
+            near: vec![],
+            blocker: None,
         }
     }
 
@@ -134,7 +166,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         for (k, (world, boxes)) in worlds.iter_mut().enumerate() {
             let slack = if k > 0 { *slack } else { 0.0 };
             interrupt::checkpoint((32 + world.len()) * robot.body_count());
-            for body in robot.bodies().filter(|body| limits[body.link] > f64::NEG_INFINITY) {
+            for body in robot.bodies() {
                 let least = &mut clearance[body.link];
                 let limit = least.min(limits[body.link]) + slack;
                 *least = least.min(world.distance_within(boxes, &body, limit) - slack);
@@ -142,38 +174,24 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         }
     }
 
-    /// The smallest distance between bodies of the arm that must not touch, where it was measured, and the smallest beyond
-    /// what each pair may change by; `way` is that of a link as seen by another. Pairs farther apart than `limit` do not count.
-    fn least_apart(
-        &mut self,
-        limit: f64,
-        way: impl Fn(&Levers, Option<usize>, usize) -> f64,
-    ) -> [f64; 2] {
-        let mut least = [f64::INFINITY; 2];
-        if !self.keeps_apart {
-            return least;
-        }
-        let Self { robot, bodies, reach, .. } = self;
-        OwnPair::for_each_within(robot, bodies, limit, |pair| {
-            let [a, b] = pair.links; // the base, None, is before all links
-            let (from, to) = if a < b { (a, b) } else { (b, a) };
-            let change = to.map_or(0.0, |to| way(reach, from, to));
-            let distance = pair.nearest.distance;
-            least = [least[0].min(distance), least[1].min(distance - change)];
-            limit
-        });
-        least
-    }
-
-    /// The same, and how far it is from itself where it must not touch that \[m\].
+    /// How far the arm at `q` is from everything outside, and from itself where it must not touch that \[m\].
     #[cfg(test)]
     pub fn distances(&mut self, q: &[f64]) -> [f64; 2] {
-        [self.clearance(q), self.least_apart(f64::INFINITY, |_, _, _| 0.0)[0]]
+        let clearance = self.clearance(q);
+        let own = self.nearest_of_its_own(f64::INFINITY).filter(|_| self.keeps_apart);
+        [clearance, own.map_or(f64::INFINITY, |own| own.0)]
     }
 
     /// How far the arm at `q` is from everything outside \[m\].
     pub fn clearance(&mut self, q: &[f64]) -> f64 {
-        self.room(q).iter().copied().fold(f64::INFINITY, f64::min)
+        self.clearance_within(q, f64::INFINITY)
+    }
+
+    /// The same where it is less than `limit` \[m\]; otherwise ∞.
+    pub fn clearance_within(&mut self, q: &[f64], limit: f64) -> f64 {
+        self.limits.fill(limit);
+        self.measure(q);
+        self.clearance.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// How far each link of the arm at `q` is from everything outside \[m\].
@@ -195,11 +213,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether the arm at `q` keeps the margin, and is apart from itself.
     pub fn is_free(&mut self, q: &[f64]) -> bool {
-        (0..q.len()).for_each(|link| self.limits[link] = self.margin(q, link));
-        self.measure(q);
-        // False where something is undefined.
-        (0..q.len()).all(|link| self.clearance[link] >= self.limits[link])
-            && self.least_apart(self.apart, |_, _, _| 0.0)[0] >= self.apart
+        self.is_free_between(q, q)
     }
 
     /// What keeps the arm at `q` from being free: the obstacle that is deepest in it, or the pair of its own bodies that is.
@@ -262,62 +276,150 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether it is and does on the straight motion from `a` to `b`.
     pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
-        let n = a.len();
-        let ways: Vec<f64> = (0..n).map(|link| self.way([a, b], link)).collect();
+        let ways: Vec<f64> = (0..a.len()).map(|link| self.way([a, b], link)).collect();
         let farthest = ways.iter().copied().fold(0.0, f64::max);
-        let steepness = 1.0 + self.margins.slope();
-        let mut margins = vec![0.0; n];
-        // Halves of halves, the large ones first: what is hit is hit soon. Each with the links that may be near to
-        // something in it, and whether bodies of the arm may be near to each other.
-        let mut parts = VecDeque::from([(0.5, 0.5, vec![true; n], self.keeps_apart)]);
-        while let Some((at, half, mut open, mut pairs)) = parts.pop_front() {
-            let mut middle = std::mem::take(&mut self.middle);
-            for (m, (a, b)) in middle.iter_mut().zip(a.iter().zip(b)) {
-                *m = a + at * (b - a);
-            }
-            for link in 0..n {
-                margins[link] = self.margin(&middle, link);
-                // What a link keeps changes, too, while it goes.
-                let enough = margins[link] + steepness * ways[link] * half;
-                self.limits[link] = if open[link] { enough } else { f64::NEG_INFINITY };
-            }
-            self.measure(&middle);
-            for link in 0..n {
-                if !open[link] {
-                    continue;
+        let motion = Motion { ends: [a, b], ways, farthest };
+        let mut near = std::mem::take(&mut self.near);
+        near.clear();
+        let blocker = self.blocker_of(&motion, &mut near);
+        self.near = near;
+        self.blocker = blocker.or(self.blocker);
+        blocker.is_none()
+    }
+
+    /// What keeps `motion` from being free. Halves of halves are asked, the large ones first: what is hit is hit soon. Of each, those two
+    /// alone are asked that are not certain to keep apart in what it is a half of. `near` is an empty workspace.
+    fn blocker_of(&mut self, motion: &Motion<'_>, near: &mut Vec<Near>) -> Option<Two> {
+        self.move_to(motion, 0.5);
+        if let Some(blocked) = self.first_look(motion, near) {
+            return Some(blocked);
+        }
+        let mut parts = VecDeque::new();
+        let halves = |at: f64, half: f64, of: std::ops::Range<usize>| {
+            let quarter = 0.5 * half;
+            [(at - quarter, quarter, of.clone()), (at + quarter, quarter, of)]
+        };
+        if !near.is_empty() {
+            parts.extend(halves(0.5, 0.5, 0..near.len()));
+        }
+        while let Some((at, half, asked)) = parts.pop_front() {
+            self.move_to(motion, at);
+            let first = near.len();
+            for k in asked {
+                let Near { two, way } = near[k];
+                match self.look(motion, two, way, half) {
+                    Look::Blocked => return Some(two),
+                    Look::Near if half < SHORTEST => return Some(two),
+                    Look::Near => near.push(near[k]),
+                    Look::Apart => {}
                 }
-                let margin = margins[link];
-                let room = self.clearance[link] - margin;
-                let is_clear = room >= 0.0; // false for NaN
-                if !is_clear {
-                    self.middle = middle;
-                    return false;
-                }
-                let change = steepness * ways[link] * half;
-                let is_coarse = steepness * farthest * half > finest(margin);
-                open[link] = room < change && is_coarse;
             }
-            self.middle = middle;
-            if pairs {
-                // Nothing goes farther as seen by another link than as seen by the base.
-                let limit = self.apart + half * farthest;
-                let way = |reach: &Levers, from, to: usize| half * reach.way([a, b], from, to);
-                let [now, later] = self.least_apart(limit, way);
-                if now < self.apart {
-                    return false;
-                }
-                pairs = later < self.apart && farthest * half > finest(self.apart);
-            }
-            interrupt::checkpoint(16 * n);
-            if pairs || open.contains(&true) {
-                if half < SHORTEST {
-                    return false;
-                }
-                let quarter = 0.5 * half;
-                parts.push_back((at - quarter, quarter, open.clone(), pairs));
-                parts.push_back((at + quarter, quarter, open, pairs));
+            if near.len() > first {
+                parts.extend(halves(at, half, first..near.len()));
             }
         }
-        true
+        None
     }
+
+    /// Puts the arm where it is `at` this share of a motion.
+    fn move_to(&mut self, Motion { ends: [a, b], .. }: &Motion<'_>, at: f64) {
+        for (m, (a, b)) in self.middle.iter_mut().zip(a.iter().zip(*b)) {
+            *m = a + at * (b - a);
+        }
+        interrupt::checkpoint(16 * a.len());
+        self.robot.update_positions(&self.middle);
+    }
+
+    /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
+    fn look(&mut self, motion: &Motion<'_>, two: Two, way: f64, half: f64) -> Look {
+        let Self { robot, worlds, slack, margins, reach, middle, .. } = self;
+        let (room, change, finest) = match two {
+            Two::Obstacle { body, world, obstacle } => {
+                let body = robot.body(body);
+                // What a link keeps changes, too, while it goes.
+                let steepness = 1.0 + margins.slope();
+                let margin = margins.at(middle, reach, body.link);
+                let change = steepness * way * half;
+                let slack = if world > 0 { *slack } else { 0.0 };
+                interrupt::checkpoint(32);
+                let limit = margin + change + slack;
+                let distance = worlds[world].0.at_least(obstacle, &body, limit) - slack;
+                (distance - margin, change, finest(margin) / steepness)
+            }
+            Two::Own(pair) => {
+                let change = way * half;
+                let distance = OwnPair::at_least(robot, pair, self.apart + change);
+                (distance - self.apart, change, finest(self.apart))
+            }
+        };
+        let is_clear = room >= 0.0; // false for NaN
+        if !is_clear {
+            Look::Blocked
+        } else if room < change && motion.farthest * half > finest {
+            Look::Near
+        } else {
+            Look::Apart
+        }
+    }
+
+    /// What blocks a motion where the arm is, in its middle; otherwise all that may be near in it are put into `near`. What blocked the
+    /// last one is asked first.
+    fn first_look(&mut self, motion: &Motion<'_>, near: &mut Vec<Near>) -> Option<Two> {
+        let way_of = |space: &Self, two: Two| match two {
+            Two::Obstacle { body, .. } => motion.ways[space.robot.body(body).link],
+            Two::Own(pair) => {
+                let [a, b] =
+                    pair.map(|i| (i < space.robot.body_count()).then(|| space.robot.body(i).link));
+                let (from, to) = if a < b { (a, b) } else { (b, a) }; // the base, None, is before all links
+                to.map_or(0.0, |to| space.reach.way(motion.ends, from, to))
+            }
+        };
+        if let Some(two) = self.blocker {
+            let way = way_of(self, two);
+            if self.look(motion, two, way, 0.5) == Look::Blocked {
+                return Some(two);
+            }
+        }
+        let mut worlds = std::mem::take(&mut self.worlds);
+        let steepness = 1.0 + self.margins.slope();
+        let mut candidates: Vec<Two> = vec![];
+        for (world, (obstacles, boxes)) in worlds.iter_mut().enumerate() {
+            let slack = if world > 0 { self.slack } else { 0.0 };
+            for body in 0..self.robot.body_count() {
+                let placed = self.robot.body(body);
+                let link = placed.link;
+                let margin = self.margins.at(&self.middle, &self.reach, link);
+                let limit = margin + 0.5 * steepness * motion.ways[link] + slack;
+                interrupt::checkpoint(32 + obstacles.len());
+                obstacles.for_each_within(boxes, &placed, limit, |_, obstacle| {
+                    candidates.push(Two::Obstacle { body, world, obstacle });
+                    limit
+                });
+            }
+        }
+        self.worlds = worlds;
+        if self.keeps_apart {
+            candidates.extend(self.robot.body_pairs().map(Two::Own));
+        }
+        for two in candidates {
+            let way = way_of(self, two);
+            match self.look(motion, two, way, 0.5) {
+                Look::Blocked => return Some(two),
+                Look::Near => near.push(Near { two, way }),
+                Look::Apart => {}
+            }
+        }
+        None
+    }
+}
+
+/// What is seen of two in a part of a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Look {
+    /// They are too near to each other.
+    Blocked,
+    /// They may be, somewhere in it.
+    Near,
+    /// They are not.
+    Apart,
 }

@@ -508,7 +508,8 @@ where
                 let share = f64::from(k) / f64::from(2 * CHECKS);
                 let t = pair[0] + share * (pair[1] - pair[0]);
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
-                plan.clearance = plan.clearance.min(self.space.clearance(&state[0]));
+                let nearer = self.space.clearance_within(&state[0], plan.clearance);
+                plan.clearance = plan.clearance.min(nearer);
                 if let Some((depth, links)) = self.space.passed_through(&state[0])
                     && through.as_ref().is_none_or(|(most, ..)| depth > *most)
                 {

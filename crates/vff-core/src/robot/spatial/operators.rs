@@ -7,7 +7,7 @@ use super::joint::Joint;
 use super::state::SpatialState;
 use super::task::TaskForces;
 use super::{dense, task};
-use crate::geometry::{Body, ContactFeature, StillBody, contact_features};
+use crate::geometry::{Body, ContactFeature, StillBody, contact_features, gap_between};
 use crate::math::{Pointing, SpatialPose, Vector};
 use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm, pace};
 use nalgebra::{SMatrix, SVector};
@@ -441,14 +441,11 @@ impl Robot<3> for SpatialState {
         features: Option<f64>,
         visit: &mut dyn FnMut(&ContactFeature<3>),
     ) {
-        let forms = pair.map(|i| match self.arm.still.get(i.wrapping_sub(self.body_count())) {
-            None => {
-                let body = SpatialState::body(self, i);
-                (body.shape, body.hull)
-            }
-            Some(still) => (still.shape, still.placed_hull()),
-        });
-        contact_features(forms.each_ref(), features, visit);
+        contact_features(pair.map(|i| self.form(i)).each_ref(), features, visit);
+    }
+
+    fn apart_at_least(&self, pair: [usize; 2], limit: f64) -> f64 {
+        gap_between(pair.map(|i| self.form(i)).each_ref(), limit)
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {

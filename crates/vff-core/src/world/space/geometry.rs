@@ -192,6 +192,16 @@ impl ObstacleGeometry<3> for SpatialGeometry {
         self.visit_hull(pair, hull, around, state, asked, visit);
     }
 
+    fn at_least(
+        &self,
+        hull: Option<&PlacedHull<'_, 3>>,
+        around: &Probe,
+        state: &MotionState<3>,
+        limit: f64,
+    ) -> f64 {
+        self.at_least(hull, around, state, limit)
+    }
+
     fn hull_barriers(&self) -> usize {
         dispatch!(
             &self.core,

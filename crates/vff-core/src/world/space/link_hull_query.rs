@@ -7,6 +7,7 @@ use crate::geometry::{Body, HullContact, KSmallest, MAX_FEATURES, PlacedHull, Pr
 use crate::interrupt;
 use crate::math::{TOUCHING, Vector};
 use crate::world::{Asked, Contact, MotionState, ObstacleGeometry, Pair};
+use nalgebra::Matrix3;
 
 /// The contact in the world of a hull with what it was `found` to come nearest to, relative to the position of that state.
 fn placed(pair: Pair, found: &HullContact, radius: f64, state: &MotionState<3>) -> Contact<3> {
@@ -40,6 +41,32 @@ impl Asked {
 }
 
 impl SpatialGeometry {
+    /// How far a body is at least, the capsule `around` or the hull that it holds; see [`PlacedHull::gap`].
+    pub(super) fn at_least(
+        &self,
+        hull: Option<&PlacedHull<'_, 3>>,
+        around: &Probe,
+        state: &MotionState<3>,
+        limit: f64,
+    ) -> f64 {
+        let Some(hull) = hull else {
+            let Core::Hull(core) = &self.core else {
+                return self.distance_below(around, state, limit);
+            };
+            // As the axis sees it.
+            let position = state.position - around.start;
+            let placed = PlacedHull { hull: core, rotation: &Matrix3::identity(), position };
+            let axis = Probe { start: Vector::zeros(), ..*around };
+            return placed.gap(&axis, around.radius + self.radius, limit);
+        };
+        let seen = PlacedHull { position: hull.position - state.position, ..*hull };
+        dispatch!(&self.core, shape => return shape.gap(&seen, self.radius, limit), _cloud => ());
+        let (mut least, pair) = (f64::NAN, Pair { body: 0, link: 0, obstacle: 0 });
+        let visit = &mut |found: &Contact<3>| least = found.distance;
+        self.visit_hull(pair, hull, around, state, Asked::Nearest, visit);
+        least
+    }
+
     /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds.
     pub(super) fn visit_hull(
         &self,

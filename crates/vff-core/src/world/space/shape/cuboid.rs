@@ -241,6 +241,11 @@ impl Convex for Cuboid {
         self.axes * self.excess(&self.axes.tr_mul(point))
     }
 
+    fn farthest(&self, direction: &Vector<3>) -> Vector<3> {
+        let along = self.axes.tr_mul(direction);
+        self.axes * self.half.zip_map(&along, f64::copysign)
+    }
+
     fn for_each_corner(&self, mut visit: impl FnMut(&Vector<3>, Onward<'_>)) {
         for outward in self.corners() {
             visit(&self.at(&outward), Onward::Against(&self.axes, outward));

@@ -82,6 +82,11 @@ impl ConvexCore for HalfSpace {
         HullContact { nearest: self.at(distance, point), axis: Vector::zeros() }
     }
 
+    /// It has no corners to be seen from.
+    fn gap(&self, hull: &PlacedHull<'_, 3>, radius: f64, _: f64) -> f64 {
+        self.meet(hull, Asked::Nearest).nearest.distance - radius
+    }
+
     /// Each corner.
     fn for_each_row(
         &self,

@@ -124,6 +124,14 @@ pub(super) trait ConvexCore: Convex {
         hull.meet(self)
     }
 
+    /// How far a hull is from it at least, within its radius; see [`PlacedHull::gap`].
+    fn gap(&self, hull: &PlacedHull<'_, 3>, radius: f64, limit: f64) -> f64
+    where
+        Self: Sized,
+    {
+        hull.gap(self, radius, limit)
+    }
+
     /// Calls `visit` with the pairs of features of it and a hull that may be next; see [`PlacedHull::for_each_row`].
     fn for_each_row(
         &self,
