@@ -15,25 +15,19 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import vffnull as vff
-from peers.spatial.osc import OperationalSpaceControl
-from peers.spatial.task import Task
 from report import rows, write_section
 
 SCENES = ("panda-sweep", "iiwa-line", "ur5e-sweep")
 LAWS = ("null_space", "relaxed", "priority", "cbf")
-PEER = "operational space"
 COMPENSATED = (0.7, 1.0, 1.3)
 LOADS = (0.5, 1.0, 1.5)  # kg
 DRY, VISCOUS = 0.01, 0.005  # of the largest torque, per rad/s
-FRICTION_SPEED = 0.1  # rad/s, where 76 % of dry friction are compensated: the default of `[controller.command]`
-NOISE = (1e-5, 0.01)  # rad, rad/s
 REJECT = {"task": "reject", "null_space": "reject"}
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -49,7 +43,7 @@ def disturbed(scene: vff.Scenario, share: float, load: float, observed: bool, se
         "plant.coulomb_friction": dry.tolist(),
         "plant.viscous_friction": viscous.tolist(),
         "plant.payload": {"mass": load, "com": [0.0, 0.03, 0.04]},
-        "measurement": {"position_noise": NOISE[0], "velocity_noise": NOISE[1], "delay": 0.001},
+        "measurement": {"position_noise": 1e-5, "velocity_noise": 0.01, "delay": 0.001},
         "controller.command": command
         | {"coulomb_friction": (share * dry).tolist(), "viscous_friction": (share * viscous).tolist()},
     }
@@ -68,56 +62,13 @@ def rough(torque: Array, period: float) -> float:
     return float(np.sqrt(np.mean((inside - smooth)[size:] ** 2, axis=0)).max())
 
 
-@dataclass(frozen=True)
-class Run:
-    """What is judged: where the hand was (T, 3) [m], torques (T, n) [N·m], and the least clearance [m]."""
-
-    hand: Array
-    tau: Array
-    clearance: float
-    period: float
-    diverged: bool
-
-    @classmethod
-    def of(cls, result: vff.Result) -> Run:
-        least, period = float(result.metrics["min_clearance"] or 0.0), result.t[1] - result.t[0]
-        return cls(result.x[:, :3], result.tau, least, period, result.status == "diverged")
-
-    @classmethod
-    def of_peer(cls, scene: vff.Scenario, changes: dict[str, Any], share: float | None) -> Run:
-        """The other law on the same plant, with noise and delay of our own making unless `share` is None."""
-        scene = scene.replace(**changes)
-        task, simulation = Task(scene), vff.Simulation(scene)
-        controller, limits = OperationalSpaceControl(task), np.asarray(task.arm.torque_limits)
-        random = np.random.default_rng(changes.get("seed", 0))
-        state = simulation.state
-        hand, tau, clearance = [state.x[:3]], [], float(state.clearance.min())
-        seen = (state.q, state.dq)
-        for k in range(task.steps):
-            q, dq = seen  # of a cycle ago, where there is a delay
-            if share is not None:
-                q, dq = (x + s * random.standard_normal(len(x)) for x, s in zip(seen, NOISE, strict=True))
-                seen = (state.q, state.dq)
-            torque = controller.torque(k, q, dq)
-            if share is not None:
-                torque += share * limits * (DRY * np.tanh(dq / FRICTION_SPEED) + VISCOUS * dq)
-            tau.append(np.clip(torque, -limits, limits))
-            state = simulation.step(tau[-1])
-            if share is None:
-                seen = (state.q, state.dq)
-            hand.append(state.x[:3])
-            clearance = min(clearance, float(state.clearance.min()))
-            if simulation.done:
-                break
-        return cls(np.array(hand), np.array(tau), clearance, task.dt, simulation.status == "diverged")
-
-
-def judge(run: Run, ideal: Run) -> tuple[float, float, float, float]:
+def judge(result: vff.Result, ideal: vff.Result) -> tuple[float, float, float, float]:
     """Clearance that is lost [mm], how far the hand is off at most and at the end [mm], roughness [N·m]."""
-    length = min(len(run.hand), len(ideal.hand))
-    off = np.linalg.norm(run.hand[:length] - ideal.hand[:length], axis=1)
-    lost = ideal.clearance - run.clearance
-    return 1e3 * lost, 1e3 * off.max(), 1e3 * off[-1], rough(run.tau, run.period)
+    least = [float(each.metrics["min_clearance"] or 0.0) for each in (ideal, result)]
+    lost = least[0] - least[1]
+    length = min(len(result.t), len(ideal.t))
+    off = np.linalg.norm(result.x[:length, :3] - ideal.x[:length, :3], axis=1)
+    return 1e3 * lost, 1e3 * off.max(), 1e3 * off[-1], rough(result.tau, result.t[1] - result.t[0])
 
 
 def main() -> None:
@@ -128,23 +79,16 @@ def main() -> None:
     warnings.simplefilter("ignore")
     found: dict[tuple[str, str, bool], list[tuple[float, float, float, float]]] = {}
     failed = 0
-    cases = [(share, mass) for share in COMPENSATED for mass in LOADS]
     for name in SCENES:
         scene = vff.Scenario.load(name)
         for law in LAWS:
             base = {"controller.avoidance": law, "simulation.control": "hold", "simulation.record_every": 1}
-            with_observer = [(*case, observed) for observed in (False, True) for case in cases]
-            changes = [base | disturbed(scene, *case, seed + i) for i, case in enumerate(with_observer)]
-            ideal, *runs = map(Run.of, vff.simulate_many(scene, [base, *changes]))
-            for (*_, observed), run in zip(with_observer, runs, strict=True):
-                failed += run.diverged
-                found.setdefault((name, law, observed), []).append(judge(run, ideal))
-        ideal = Run.of_peer(scene, {}, None)
-        print(f"{name}, {PEER}, without any of it: {1e3 * ideal.clearance:.0f} mm")
-        for i, (share, mass) in enumerate(cases):
-            run = Run.of_peer(scene, disturbed(scene, share, mass, False, seed + i), share)
-            failed += run.diverged
-            found.setdefault((name, PEER, False), []).append(judge(run, ideal))
+            cases = [(s, m, o) for o in (False, True) for s in COMPENSATED for m in LOADS]
+            changes = [base | disturbed(scene, *case, seed + i) for i, case in enumerate(cases)]
+            ideal, *results = vff.simulate_many(scene, [base, *changes])
+            for (_, _, observed), result in zip(cases, results, strict=True):
+                failed += result.status == "diverged"
+                found.setdefault((name, law, observed), []).append(judge(result, ideal))
     head = ["scene", "law", "", "clearance lost", "hand off at most", "at the end", "roughness"]
     body = []
     for (name, law, observed), runs in found.items():
