@@ -38,7 +38,7 @@ ROBOT = """<robot name="lever"><link name="base"/>
 <limit lower="0" upper="0.04" effort="5" velocity="1"/></joint></robot>"""
 
 # What runs until somebody ends it, takes a cluster, or takes long: read, and not carried out.
-READ_ONLY = {"live", "realtime", "evaluate", "study run", "study tune", "study show"}
+READ_ONLY = {"live", "realtime", "evaluate", "perceive", "study run", "study tune", "study show"}
 # What runs is cut short by these.
 SHORT = {"duration": 0.02}
 
@@ -90,6 +90,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     result = vff.simulate("paper-1", {"duration": 0.02})
     for name in ("run", "weak", "strong"):
         result.save(here / f"{name}.npz")
+    (here / "cell.mcap").touch()  # tests/test_recordings.py reads real ones
     (here / "robot.urdf").write_text(ROBOT, encoding="utf-8")
     (here / "robot.xml").write_text(vff.Arm.named("panda").to_mjcf(), encoding="utf-8")
     return here

@@ -139,7 +139,7 @@ def _commands() -> None:
     vffnull live                           play with it in the browser
     vffnull realtime paper-1               run it against the clock
     vffnull plan narrow-gap --out plan.npz plan a motion to where the reference ends
-    vffnull perceive cell.mcap --arm panda replay what depth cameras have recorded
+    vffnull perceive cell.mcap --arm NAME  replay what depth cameras have recorded
     vffnull evaluate --count 20            controllers side by side on random scenes
     vffnull study run NAME --out results   thousands of runs, resumable, on a cluster too
     vffnull animate paper-1 paper-1.gif    film it
