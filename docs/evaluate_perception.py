@@ -31,7 +31,8 @@ PLACES: list[dict[str, Any]] = [  # 1.4 m from the middle of the room, one befor
     {"position": [1.1, 0.9, 1.1], "orientation": [0.2215, -0.3413, -0.7663, 0.4973], "field_of_view": 1.5},
     {"position": [-0.8, -0.9, 1.2], "orientation": [0.4702, -0.7953, 0.3294, -0.1948], "field_of_view": 1.5},
 ]
-PERCEIVER = {"voxel": 0.03, "stride": 1, "least_points": 1, "most_voxels": 1500}
+ROOM = [[-2, -2, -0.5], [2, 2, 2]]  # as much larger than what the arm reaches as a ball goes in a second or two
+PERCEIVER = {"room": ROOM, "voxel": 0.03, "stride": 1, "least_points": 1, "most_voxels": 1500}
 PERCEIVER |= {"track_error": 0.005, "hidden": 0.3}
 EXACT = OF_CLOUDS | {
     "perception": {

@@ -203,6 +203,27 @@ fn what_comes_into_the_picture_is_as_fast_as_its_tip() {
     }
 }
 
+/// A ball that comes into the room shows more and more of itself: that it grows to both sides is no motion to one of them.
+#[test]
+fn what_grows_to_both_sides_does_not_move_aside() {
+    let eye = camera(2);
+    let room = [[-1.0, -1.0, -0.2], [1.0, 0.2, 1.4]];
+    let settings = PerceiverSettings { room, ..PerceiverSettings::default() };
+    let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
+    let velocity = V::new(0.0, -0.5, 0.0);
+    let mut cut = 0;
+    for k in 0..16 {
+        let t = PERIOD * f64::from(k);
+        let centre = V::new(0.4, 0.31, 0.5) + velocity * t;
+        show(&mut perceiver, &eye, t, &[ball(centre.into(), 0.1)]);
+        for track in perceiver.tracks().iter().filter(|track| track.is_cut && track.is_moving()) {
+            assert!(track.velocity.x.abs() < 0.2, "{k}: {track:?}");
+            cut += 1;
+        }
+    }
+    assert!(cut > 3, "{cut}");
+}
+
 /// Two cameras take turns: each follows the ball by itself, and at the time of the last picture the points of both are on it.
 #[test]
 fn two_cameras_see_one_ball() {
