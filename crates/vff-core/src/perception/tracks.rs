@@ -131,13 +131,9 @@ impl Body {
     fn track(&self) -> Track {
         let Self { number, camera, time, seen, points, is_cut, mean, corners } = self;
         let [low, high] = corners.each_ref().map(|corner| corner.velocity);
-        // What is cut off stands still where it is: of both sides that which is faster moves with the body. Sides that go apart
-        // or together are those of a body of which more or less is seen.
-        let of_sides = low.zip_map(&high, |a, b| match a * b < 0.0 {
-            true => a + b,
-            false if a.abs() > b.abs() => a,
-            false => b,
-        });
+        // The faster one up the axis and the faster one down: a side that is cut off stands still where it is, and sides that go
+        // apart or together are those of a body of which more or less is seen.
+        let of_sides = low.zip_map(&high, |a, b| a.max(b).max(0.0) + a.min(b).min(0.0));
         Track {
             number: *number,
             camera: *camera,
