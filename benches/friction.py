@@ -7,24 +7,29 @@ Three arms, four ways of giving way. The plant has dry friction of a hundredth o
 joint, and half as much viscous friction at 1 rad/s; the controller makes up for 70, 100 or 130 % of both. The
 hand carries 0.5, 1 or 1.5 kg, off by 5 cm, which the controller does not know of. Velocities have noise of
 0.01 rad/s, states are one cycle old. Where it is observed, `[controller.observer]` takes 0.3 of the dry
-friction for what it may be wrong by, and rejects the rest. Each number is that of the run beside the same law
-without any of it.
+friction for what it may be wrong by, and rejects the rest. Beside them an operational-space law as
+abr_control has it, for which the same friction is made up. Each number is that of the run beside the same
+law without any of it.
 """
 
 from __future__ import annotations
 
 import argparse
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import vffnull as vff
+from peers.spatial.osc import OperationalSpace
+from peers.spatial.task import Task
 from report import rows, write_section
 
 SCENES = ("panda-sweep", "iiwa-line", "ur5e-sweep")
 LAWS = ("null_space", "relaxed", "priority", "cbf")
+PEER = "OSC as abr_control"
 COMPENSATED = (0.7, 1.0, 1.3)
 LOADS = (0.5, 1.0, 1.5)  # kg
 DRY, VISCOUS = 0.01, 0.005  # of the largest torque, per rad/s
@@ -62,13 +67,47 @@ def rough(torque: Array, period: float) -> float:
     return float(np.sqrt(np.mean((inside - smooth)[size:] ** 2, axis=0)).max())
 
 
-def judge(result: vff.Result, ideal: vff.Result) -> tuple[float, float, float, float]:
+@dataclass(frozen=True)
+class Run:
+    """What is judged of a run: the hand (T, 3) [m], torques (T, n) [N·m], the smallest distance [m]."""
+
+    x: Array
+    tau: Array
+    clearance: float
+    period: float
+    diverged: bool
+
+    @classmethod
+    def of(cls, result: vff.Result) -> Run:
+        least = float(result.metrics["min_clearance"] or 0.0)
+        period = float(result.t[1] - result.t[0])
+        return cls(result.x[:, :3], result.tau, least, period, result.status == "diverged")
+
+    @classmethod
+    def by_peer(cls, scene: vff.Scenario, changes: dict[str, Any]) -> Run:
+        """The peer's law on this plant: it knows the arm without its load, and what sensors measure."""
+        task = Task(scene)
+        law, command = OperationalSpace(task), changes.get("controller.command", {})
+        dry, viscous = (np.asarray(command.get(f"{kind}_friction", 0.0)) for kind in ("coulomb", "viscous"))
+        speed, most = np.asarray(command.get("friction_speed", 0.1)), np.asarray(scene.arm.torque_limits)
+        simulation = vff.Simulation(scene.replace(**changes))
+        state, tip, torques, least = simulation.state, [], [], np.inf
+        while not simulation.done:
+            sensed = state.q_measured is not None
+            q, dq = (state.q_measured, state.dq_measured) if sensed else (state.q, state.dq)
+            tau = law.torque(len(tip), q, dq) + dry * np.tanh(dq / speed) + viscous * dq
+            tip.append(state.x[:3])
+            torques.append(np.clip(tau, -most, most))
+            state = simulation.step(torques[-1])
+            least = min(least, float(state.clearance.min()))
+        return cls(np.array(tip), np.array(torques), least, task.dt, simulation.status == "diverged")
+
+
+def judge(run: Run, ideal: Run) -> tuple[float, float, float, float]:
     """Clearance that is lost [mm], how far the hand is off at most and at the end [mm], roughness [N·m]."""
-    least = [float(each.metrics["min_clearance"] or 0.0) for each in (ideal, result)]
-    lost = least[0] - least[1]
-    length = min(len(result.t), len(ideal.t))
-    off = np.linalg.norm(result.x[:length, :3] - ideal.x[:length, :3], axis=1)
-    return 1e3 * lost, 1e3 * off.max(), 1e3 * off[-1], rough(result.tau, result.t[1] - result.t[0])
+    length = min(len(run.x), len(ideal.x))
+    off = 1e3 * np.linalg.norm(run.x[:length] - ideal.x[:length], axis=1)
+    return 1e3 * (ideal.clearance - run.clearance), off.max(), off[-1], rough(run.tau, run.period)
 
 
 def main() -> None:
@@ -85,10 +124,16 @@ def main() -> None:
             base = {"controller.avoidance": law, "simulation.control": "hold", "simulation.record_every": 1}
             cases = [(s, m, o) for o in (False, True) for s in COMPENSATED for m in LOADS]
             changes = [base | disturbed(scene, *case, seed + i) for i, case in enumerate(cases)]
-            ideal, *results = vff.simulate_many(scene, [base, *changes])
-            for (_, _, observed), result in zip(cases, results, strict=True):
-                failed += result.status == "diverged"
-                found.setdefault((name, law, observed), []).append(judge(result, ideal))
+            ideal, *results = map(Run.of, vff.simulate_many(scene, [base, *changes]))
+            for (_, _, observed), run in zip(cases, results, strict=True):
+                failed += run.diverged
+                found.setdefault((name, law, observed), []).append(judge(run, ideal))
+        base = {"simulation.control": "hold"}
+        ideal = Run.by_peer(scene, base)
+        for i, (share, load) in enumerate((s, m) for s in COMPENSATED for m in LOADS):
+            run = Run.by_peer(scene, base | disturbed(scene, share, load, False, seed + i))
+            failed += run.diverged
+            found.setdefault((name, PEER, False), []).append(judge(run, ideal))
     head = ["scene", "law", "", "clearance lost", "hand off at most", "at the end", "roughness"]
     body = []
     for (name, law, observed), runs in found.items():

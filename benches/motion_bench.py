@@ -159,7 +159,7 @@ class Judge:
         return sorted(touched)
 
 
-def solve(arm: vff.Arm, problem: Problem, judge: Judge, seed: int) -> Row:
+def solve(arm: vff.Arm, problem: Problem, judge: Judge, seed: int, paths: int) -> Row:
     """Plan, and let the plan be judged."""
     scene = vff.Scenario(
         arm=arm,
@@ -170,7 +170,7 @@ def solve(arm: vff.Arm, problem: Problem, judge: Judge, seed: int) -> Row:
         obstacles=[obstacle(body) for body in problem.bodies],
     )
     before = time.process_time()
-    plan = vff.plan(scene, problem.goal, seed=seed)
+    plan = vff.plan(scene, problem.goal, seed=seed, paths=paths)
     row = Row(problem, str(plan.status), plan.message, time.process_time() - before)
     if plan.status == "found":
         row.duration, row.margin = plan.duration, plan.margin
@@ -207,6 +207,9 @@ def main() -> None:
     parser.add_argument("--problems", type=int, default=10, help="of each family from there on, up to 100")
     parser.add_argument("--families", nargs="+", help="all by default")
     parser.add_argument("--collision", choices=["fit", "file"], default="fit", help="shapes of the links")
+    parser.add_argument("--pieces", nargs=2, action="append", default=[], metavar=("LINK", "COUNT"),
+                        help="with `file`: hulls that the mesh of a link may become")  # fmt: skip
+    parser.add_argument("--paths", type=int, default=4, help="of which the shortest is taken")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--resources", type=Path, help="unpacked already")
     parser.add_argument("--json", type=Path, help="write every row there")
@@ -223,6 +226,7 @@ def main() -> None:
                 srdf=robot / f"{name}.srdf",
                 packages={"meshes": robot / "meshes"},
                 collision=given.collision,
+                pieces={link: int(count) for link, count in given.pieces},
             )
             judge = Judge(robot)
             joints = [each for each in judge.model.names if each != "universe"]
@@ -230,7 +234,7 @@ def main() -> None:
             for problem in problems(robot, joints, given.first, given.first + given.problems - 1):
                 if given.families and problem.family not in given.families:
                     continue
-                rows.append(solve(arm, problem, judge, given.seed))
+                rows.append(solve(arm, problem, judge, given.seed, given.paths))
                 row = rows[-1]
                 what = row.message if row.status != "found" else "; ".join(row.touches)
                 print(f"{name} {problem.family} {problem.number}: {row.status}, {row.taken:.2f} s. {what}",

@@ -16,6 +16,7 @@ from vffnull.errors import InputError
 from vffnull.evaluation.geometry.arm import rotation
 from vffnull.live.memory import KEPT, Memory
 from vffnull.live.pictures import side_by_side
+from vffnull.live.self_motion import CLEAR, CONTACT, MARGIN, NOTHING, PATH, picture
 from vffnull.live.stories import STORIES
 from waiting import frames, obey, wait_for
 
@@ -321,6 +322,31 @@ def test_pictures_of_cameras_stand_above_the_plots(page: Any) -> None:
     page.open(vff.Scenario.load("panda-sweep"))
     assert not pictures._image.visible and page._live.pictures() == []
     assert page.snapshot()["sensed"].shape == (0, 3)
+
+
+def test_the_ways_along_the_self_motion_stand_above_the_plots(page: Any) -> None:
+    """While something comes near; they are gone with the scene."""
+    ways = page._plots.self_motion
+    page.open(STORIES["Swivel"].open())
+    wait_for(lambda: ways._image.visible and page._live.self_motion_map() is not None)
+    rows, columns, colours = ways._image.image.shape
+    assert columns >= 640 and 100 < rows < columns and colours == 3
+    page.open(vff.Scenario.load("panda-sweep"))
+    assert not ways._image.visible and page._live.self_motion_map() is None
+
+
+def test_contact_is_red_and_the_path_white() -> None:
+    distances = np.array([[np.nan, -0.1], [0.3, np.inf], [np.nan, 0.02]])
+    found: Any = {"distances": distances, "path": np.array([1, 1]), "margin": 0.02, "clearance": 0.1}
+    drawn = picture(found).astype(int)
+    high, wide = drawn.shape[0] // 3, drawn.shape[1] // 2
+    of = drawn[high // 4 :: high, wide // 2 :: wide]
+    assert of.shape == (3, 2, 3)
+    np.testing.assert_array_equal(of[2, 1], CONTACT)  # the first place is the lowest
+    np.testing.assert_array_equal(of[0, 1], MARGIN)
+    np.testing.assert_array_equal(of[1], [CLEAR] * 2)
+    np.testing.assert_array_equal(of[[0, 2], 0], [NOTHING] * 2)
+    assert (drawn[high + high // 2, ::50] == PATH).all()
 
 
 def test_near_is_bright_and_what_is_not_measured_is_dark() -> None:

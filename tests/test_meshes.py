@@ -9,13 +9,14 @@ import threading
 import time
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 import vffnull as vff
-from vffnull.arms import _meshes
+from vffnull.arms import _meshes, read_urdf
 from vffnull.arms._hulls import CORNERS
 from vffnull.arms.meshes import Enclosure, enclose
 from vffnull.errors import InputError
@@ -42,12 +43,18 @@ def bracket() -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces)
 
 
-def beyond(corners: np.ndarray, points: np.ndarray) -> float:
-    """How far points are outside of a hull, by SciPy's planes."""
+def beyond_each(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How far each of some points is outside of a hull, by SciPy's planes."""
     from scipy.spatial import ConvexHull
 
     planes = ConvexHull(corners).equations
-    return float((points @ planes[:, :3].T + planes[:, 3]).max())
+    found: np.ndarray = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    return found
+
+
+def beyond(corners: np.ndarray, points: np.ndarray) -> float:
+    """How far the one is that is farthest outside."""
+    return float(beyond_each(corners, points).max())
 
 
 def test_a_convex_mesh_is_its_own_hull(tmp_path: Path) -> None:
@@ -106,7 +113,11 @@ def test_pieces_keep_a_hollow(several: Enclosure, tmp_path: Path) -> None:
     assert one.volume == pytest.approx(0.2 * (0.3**2 - 0.25**2 / 2), rel=1e-6)
     assert 2 <= len(several.hulls) <= 3
     assert several.volume < 1.05 * one.mesh_volume
-    assert several.protrusion < 1e-4
+    assert several.protrusion < 1e-12
+    # Nothing of the surface is outside of all of them, wherever it is asked, cuts included.
+    points, _ = trimesh.sample.sample_surface(bracket(), 20_000, seed=1)
+    apart = [beyond_each(corners, points) for corners in several.hulls]
+    assert np.min(apart, axis=0).max() < 1e-9
     hollow = np.array([[0.15, 0.15, 0.1]])
     assert beyond(one.hulls[0], hollow) < 0.0
     assert all(beyond(corners, hollow) > 0.09 for corners in several.hulls)
@@ -125,6 +136,62 @@ def test_the_pieces_move_as_one(several: Enclosure) -> None:
     np.testing.assert_allclose(later, there, atol=1e-9)
     scenario = vff.Scenario.load("panda-sweep").replace(obstacles=turning, duration=0.01)
     assert vff.simulate(scenario).status == "completed"
+
+
+ARM = """<robot name="hook"><link name="base"/>
+<link name="hook"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"/></inertial>
+<collision><origin xyz="0.1 0 0"/><geometry><mesh filename="mesh.stl"/></geometry></collision></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="hook"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" effort="5" velocity="2"/></joint></robot>"""
+
+
+def test_a_link_in_pieces_lets_something_into_its_hollow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What one hull fills is free between several; they are cut once, and kept by how many there may be."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    saved(bracket(), tmp_path)
+    robot = tmp_path / "hook.urdf"
+    robot.write_text(ARM, encoding="utf-8")
+    ball = [vff.Obstacle.sphere([0.25, 0.15, 0.1], 0.05)]
+
+    def distance(arm: vff.Arm) -> float:
+        return float(vff.distances(arm, [0.0], [0.0], ball).distance.min())
+
+    whole = vff.Arm.from_urdf(robot, collision="file")
+    assert len(whole.collision) == 1 and distance(whole) < -0.03
+    cut = vff.Arm.from_urdf(robot, collision="file", pieces=3)
+    assert 2 <= len(cut.collision) <= 3
+    assert distance(cut) == pytest.approx(0.05, abs=2e-3)  # 0.1 m to either board, less its radius
+    told = read_urdf(robot, collision="file", pieces={"hook": 3})
+    assert all(fit.protrusion < 1e-12 for fit in told.fits)
+    litres = 1e3 * sum(fit.own_volume or 0.0 for fit in told.fits)
+    assert litres == pytest.approx(200.0 * (0.3**2 - 0.25**2), rel=1e-6)
+    monkeypatch.setattr("vffnull.arms._pieces._cut", lambda *_: pytest.fail("it is kept"))
+    again = vff.Arm.from_urdf(robot, collision="file", pieces={"hook": 3})
+    assert again.to_dict() == cut.to_dict()
+    scene = {"arm": {"urdf": str(robot), "collision": "file", "pieces": {"hook": 3}}}
+    document = {**scene, "q0": [0.0], "duration": 0.01, "reference": {"kind": "setpoint"}}
+    assert vff.Scenario.from_dict(document).arm.collision == cut.collision
+
+
+@pytest.mark.parametrize(
+    ("pieces", "collision", "sentence"),
+    [
+        (0, "file", "pieces: expected a whole number of at least 1, got 0"),
+        (True, "file", "pieces: expected a whole number of at least 1, got True"),
+        ({"hook": 2.5}, "file", r"pieces\['hook'\]: expected a whole number of at least 1, got 2\.5"),
+        ({"hock": 2}, "file", "pieces: no mesh on a link 'hock'; there are hook"),
+        (2, "fit", "pieces: only the meshes of collision='file' are cut"),
+        ({"hook": 2}, "none", "pieces: only the meshes of collision='file' are cut"),
+    ],
+)
+def test_what_are_no_pieces(tmp_path: Path, pieces: Any, collision: Any, sentence: str) -> None:
+    saved(bracket(), tmp_path)
+    robot = tmp_path / "hook.urdf"
+    robot.write_text(ARM, encoding="utf-8")
+    with pytest.raises(InputError, match=sentence):
+        vff.Arm.from_urdf(robot, collision=collision, pieces=pieces)
 
 
 def test_what_is_no_mesh(tmp_path: Path) -> None:

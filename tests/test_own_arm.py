@@ -331,13 +331,15 @@ def test_arms_new_hands_on_how_the_file_is_read(tmp_path: Path, monkeypatch: pyt
     Path("robot.urdf").write_text(vff.Arm.named("panda").to_urdf(), encoding="utf-8")
     tip = vff.arms.named("panda")["tip"]
     asked = ["--tip", tip, "--lock", "panda_joint7=0.25", "--collision", "file", "--package", str(tmp_path)]
-    Path("mine.toml").write_text(_new("robot.urdf", *asked, "--fix-inertia"), encoding="utf-8")
+    asked += ["--fix-inertia", "--pieces", "2"]
+    Path("mine.toml").write_text(_new("robot.urdf", *asked), encoding="utf-8")
     table = _core.parse_toml(Path("mine.toml").read_text(encoding="utf-8"), "mine")["arm"]
     assert table == {
         "urdf": "robot.urdf",
         "tip": tip,
         "locked": {"panda_joint7": 0.25},
         "collision": "file",
+        "pieces": 2,
         "packages": [str(tmp_path)],
         "fix_inertia": True,
     }

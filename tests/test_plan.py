@@ -218,6 +218,7 @@ def test_nothing_found_says_why_and_how_far() -> None:
         ({"speed": 2.0}, ScenarioError, "speed"),
         ({"horizon": -1.0}, ScenarioError, "horizon"),
         ({"samples": -1}, InputError, "samples"),
+        ({"paths": 0}, InputError, "paths"),
         ({"seed": 0.5}, InputTypeError, "seed"),
     ],
 )

@@ -216,6 +216,49 @@ def test_wrong_settings_of_the_search_are_named(key: str, value: float, words: s
     assert f"preview.self_motion.{key}" in str(caught.value)
 
 
+def test_the_map_has_the_distances_of_postures_to_come() -> None:
+    """In the middle that of the arm if it stayed, as measured otherwise; along the path the margin is kept,
+    as long as it has to be; a ball that has passed leaves no map.
+    """
+    scene = vff.Scenario.load("panda-sweep").replace(
+        **{
+            "controller.avoidance": "cbf",
+            "controller.yielding.preview": {"self_motion": {}},
+            "obstacles.0.motion.velocity": [0.0, 0.4, 0.0],
+            "duration": 4.0,
+        }
+    )
+    simulation = vff.Simulation(scene)
+    began: dict[float, Any] = {}
+    past: dict[int, Any] = {0: simulation.state.q}
+    while not simulation.done:
+        state = simulation.step()
+        past[round(1e3 * state.t)] = state.q
+        found = simulation.self_motion_map
+        if found is not None:
+            began.setdefault(round(1e3 * (state.t - found["elapsed"])), found)
+    assert simulation.self_motion_map is None
+    assert len(began) > 10
+    compared = 0
+    for begin, found in began.items():
+        distances, path = found["distances"], found["path"]
+        places, instants = distances.shape
+        later = 1e-3 * begin + found["step"] * np.arange(instants)
+        q = np.repeat(past[begin][None], instants, axis=0)
+        balls = scene.to_dict()["obstacles"]
+        stays = vff.distances(scene.arm, q, np.zeros_like(q), balls, t=later).distance
+        least = stays.reshape(instants, -1).min(axis=1)
+        middle = distances[places // 2]
+        near = least < found["clearance"]
+        np.testing.assert_allclose(middle[near], least[near], atol=2e-3)  # the posture is put onto the task
+        assert (middle[~near] >= found["clearance"] - 2e-3).all()
+        compared += int(near.sum())
+        if len(path):
+            assert path[0] == places // 2
+            assert (distances[path, np.arange(instants)][:8] >= found["margin"]).all()
+    assert compared > 50
+
+
 def test_a_search_that_is_cut_short_repeats() -> None:
     """Work is counted, not time: with a deadline, too, the same bits each time, but others than without."""
     changes = {"controller.deadline": 20.0, "duration": 2.0}

@@ -245,6 +245,9 @@ class Arm:
         fix_inertia : bool, optional
             Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
             instead of refused.
+        pieces : int or dict, optional
+            With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links
+            that are named; CoACD cuts a mesh where this keeps its hollows.
 
         Raises
         ------
@@ -305,6 +308,9 @@ class Arm:
         fix_inertia : bool, optional
             Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
             instead of refused.
+        pieces : int or dict, optional
+            With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links
+            that are named; CoACD cuts a mesh where this keeps its hollows.
 
         Raises
         ------
@@ -961,6 +967,25 @@ class State:
         """Torque at the joints, (n,) [N·m], with what a robot adds itself; None where it is `tau`."""
 
 @type_check_only
+class SelfMotionMap(TypedDict):
+    """What a search of the self-motion has found; see `Simulation.self_motion_map`."""
+
+    distances: _Array
+    """(places, instants) [m]."""
+    path: NDArray[np.int64]
+    """(instants,), or empty."""
+    spacing: float
+    """[rad]."""
+    step: float
+    """[s]."""
+    elapsed: float
+    """[s]."""
+    margin: float
+    """[m]."""
+    clearance: float
+    """[m]."""
+
+@type_check_only
 class LiveState(TypedDict):
     """A live loop at one instant, in SI units; n joints, k obstacles, a task of dimension m."""
 
@@ -1079,6 +1104,17 @@ class Live:
     def pictures(self) -> list[NDArray[np.float32]]:
         """The pictures of depth cameras that arrived last, (rows, columns) [m] each, 0 where nothing was
         measured; none without such cameras.
+        """
+    def self_motion_map(self) -> SelfMotionMap | None:
+        """What the search of the self-motion has found last (`yielding.preview.self_motion`); None without
+        one, and while nothing comes near.
+
+        ``distances`` (places, instants) [m]: the smallest distance of every posture along the self-motion,
+        that at which the search began in the middle, at every instant from then on; infinite beyond
+        ``clearance`` [m], NaN where there is no posture or nobody can be that early. ``path``
+        (instants,): the places along the path that is followed, which keeps ``margin`` [m]; empty where
+        there is none. ``spacing`` from place to place [rad], ``step`` from instant to instant [s],
+        ``elapsed`` since the search began [s].
         """
     def snapshot(self) -> LiveState:
         """The present instant."""
@@ -1398,6 +1434,18 @@ class Simulation:
         measured; none without such cameras.
         """
 
+    @property
+    def self_motion_map(self) -> SelfMotionMap | None:
+        """What the search of the self-motion has found last (`yielding.preview.self_motion`); None without
+        one, and while nothing comes near.
+
+        ``distances`` (places, instants) [m]: the smallest distance of every posture along the self-motion,
+        that at which the search began in the middle, at every instant from then on; infinite beyond
+        ``clearance`` [m], NaN where there is no posture or nobody can be that early. ``path``
+        (instants,): the places along the path that is followed, which keeps ``margin`` [m]; empty where
+        there is none. ``spacing`` from place to place [rad], ``step`` from instant to instant [s],
+        ``elapsed`` since the search began [s].
+        """
     @property
     def state(self) -> State:
         """The present state."""
@@ -1855,6 +1903,8 @@ def plan(
         Share of the limits of speed and acceleration, in (0, 1].
     samples : int
         How many random configurations are tried.
+    paths : int
+        How many paths are searched, of which the shortest is taken.
     seed : int
         Where the random numbers come from.
 

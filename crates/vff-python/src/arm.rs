@@ -203,6 +203,9 @@ impl Arm {
     /// fix_inertia : bool, optional
     ///     Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
     ///     instead of refused.
+    /// pieces : int or dict, optional
+    ///     With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links
+    ///     that are named; CoACD cuts a mesh where this keeps its hollows.
     ///
     /// Raises
     /// ------
@@ -217,7 +220,7 @@ impl Arm {
     #[staticmethod]
     #[pyo3(
         signature = (path_or_text, *arguments, **options),
-        text_signature = "(path_or_text, tip=None, base=None, locked=None, tool=None, mount=None, gravity=(0.0, 0.0, -9.81), collision='fit', srdf=None, packages=None, armature=None, fix_inertia=False)"
+        text_signature = "(path_or_text, tip=None, base=None, locked=None, tool=None, mount=None, gravity=(0.0, 0.0, -9.81), collision='fit', srdf=None, packages=None, armature=None, fix_inertia=False, pieces=1)"
     )]
     fn from_urdf<'py>(
         path_or_text: &Bound<'py, PyAny>,
@@ -260,6 +263,9 @@ impl Arm {
     /// fix_inertia : bool, optional
     ///     Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
     ///     instead of refused.
+    /// pieces : int or dict, optional
+    ///     With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links
+    ///     that are named; CoACD cuts a mesh where this keeps its hollows.
     ///
     /// Raises
     /// ------
@@ -274,7 +280,7 @@ impl Arm {
     #[staticmethod]
     #[pyo3(
         signature = (path_or_model, *arguments, **options),
-        text_signature = "(path_or_model, tip=None, base=None, locked=None, tool=None, mount=None, gravity=None, collision='fit', srdf=None, armature=None, fix_inertia=False)"
+        text_signature = "(path_or_model, tip=None, base=None, locked=None, tool=None, mount=None, gravity=None, collision='fit', srdf=None, armature=None, fix_inertia=False, pieces=1)"
     )]
     fn from_mjcf<'py>(
         path_or_model: &Bound<'py, PyAny>,

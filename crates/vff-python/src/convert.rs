@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use std::fmt;
 use toml::{Table, Value};
+use vff_core::control::SelfMotionMap;
 use vff_core::interrupt;
 use vff_core::simulation::DepthPicture;
 
@@ -502,6 +503,29 @@ pub fn array2(
 pub fn matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let row_major = matrix.transpose().as_slice().to_vec();
     array2(py, row_major, [matrix.nrows(), matrix.ncols()])
+}
+
+/// What a search of the self-motion has found, by name.
+pub fn self_motion_map(
+    py: Python<'_>,
+    map: Option<SelfMotionMap>,
+) -> PyResult<Option<Bound<'_, PyDict>>> {
+    let Some(map) = map else { return Ok(None) };
+    let found = PyDict::new(py);
+    let shape = [map.places, map.instants];
+    found.set_item("distances", PyArray1::from_vec(py, map.distances).reshape(shape)?)?;
+    let path = map.path.into_iter().map(|place| i64::try_from(place).expect("few places"));
+    found.set_item("path", PyArray1::from_iter(py, path))?;
+    for (name, value) in [
+        ("spacing", map.spacing),
+        ("step", map.step),
+        ("elapsed", map.elapsed),
+        ("margin", map.margin),
+        ("clearance", map.clearance),
+    ] {
+        found.set_item(name, value)?;
+    }
+    Ok(Some(found))
 }
 
 /// Pictures of depth cameras, (rows, columns) each.

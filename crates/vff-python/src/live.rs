@@ -1,7 +1,9 @@
 //! `Live`: a scenario that runs against the wall clock on a thread of its own, under people's hands.
 
 use crate::call::new_points;
-use crate::convert::{self, array2, depth_pictures, keywords, named_document, read_vector};
+use crate::convert::{
+    self, array2, depth_pictures, keywords, named_document, read_vector, self_motion_map,
+};
 use crate::errors::{self, InputError};
 use crate::run::{arrays, measured, prepared};
 use crate::watch::interruptible;
@@ -358,6 +360,19 @@ impl Live {
     /// measured; none without such cameras.
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
         depth_pictures(py, self.with(py, |live| live.pictures())?)
+    }
+
+    /// What the search of the self-motion has found last (`yielding.preview.self_motion`); None without
+    /// one, and while nothing comes near.
+    ///
+    /// ``distances`` (places, instants) [m]: the smallest distance of every posture along the self-motion,
+    /// that at which the search began in the middle, at every instant from then on; infinite beyond
+    /// ``clearance`` [m], NaN where there is no posture or nobody can be that early. ``path``
+    /// (instants,): the places along the path that is followed, which keeps ``margin`` [m]; empty where
+    /// there is none. ``spacing`` from place to place [rad], ``step`` from instant to instant [s],
+    /// ``elapsed`` since the search began [s].
+    fn self_motion_map<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self_motion_map(py, self.with(py, |live| live.self_motion_map())?)
     }
 
     /// The present instant.

@@ -29,6 +29,8 @@ use vff_core::trajectory::JointSpline;
 ///     Share of the limits of speed and acceleration, in (0, 1].
 /// samples : int
 ///     How many random configurations are tried.
+/// paths : int
+///     How many paths are searched, of which the shortest is taken.
 /// seed : int
 ///     Where the random numbers come from.
 ///
@@ -43,7 +45,7 @@ use vff_core::trajectory::JointSpline;
 /// vffnull.errors.ScenarioError
 ///     If the scenario cannot be read, or a setting is of no use.
 #[pyfunction]
-#[pyo3(signature = (document, start, goal, time, margin, horizon, speed, samples, seed))]
+#[pyo3(signature = (document, start, goal, time, margin, horizon, speed, samples, paths, seed))]
 #[expect(clippy::too_many_arguments, reason = "each by its name in Python")]
 pub fn plan<'py>(
     py: Python<'py>,
@@ -55,9 +57,10 @@ pub fn plan<'py>(
     horizon: Option<f64>,
     speed: f64,
     samples: usize,
+    paths: usize,
     seed: u64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let settings = PlanSettings { start, goal, time, margin, horizon, speed, samples, seed };
+    let settings = PlanSettings { start, goal, time, margin, horizon, speed, samples, paths, seed };
     let (plan, n) = prepared(py, &document, |scenario| {
         Ok((motion::plan(&scenario, &settings)?, scenario.q0.len()))
     })?;

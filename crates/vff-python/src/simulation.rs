@@ -1,13 +1,14 @@
 //! `Simulation`: a scenario one control period at a time.
 
 use crate::call::new_points;
-use crate::convert::{self, array1, array2, depth_pictures, vector};
+use crate::convert::{self, array1, array2, depth_pictures, self_motion_map, vector};
 use crate::errors::{self, InputError};
 use crate::exclusive::Exclusive;
 use crate::run::prepared;
 use crate::watch::{interruptible, is_heard, stepwise};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use vff_core::runtime::AnyRun;
 use vff_core::runtime::points::make;
 use vff_core::scenario::{Scenario, ScenarioError};
@@ -305,6 +306,20 @@ impl Simulation {
     #[getter]
     fn pictures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
         depth_pictures(py, self.inner.take(py)?.run.pictures())
+    }
+
+    /// What the search of the self-motion has found last (`yielding.preview.self_motion`); None without
+    /// one, and while nothing comes near.
+    ///
+    /// ``distances`` (places, instants) [m]: the smallest distance of every posture along the self-motion,
+    /// that at which the search began in the middle, at every instant from then on; infinite beyond
+    /// ``clearance`` [m], NaN where there is no posture or nobody can be that early. ``path``
+    /// (instants,): the places along the path that is followed, which keeps ``margin`` [m]; empty where
+    /// there is none. ``spacing`` from place to place [rad], ``step`` from instant to instant [s],
+    /// ``elapsed`` since the search began [s].
+    #[getter]
+    fn self_motion_map<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self_motion_map(py, self.inner.take(py)?.run.self_motion_map())
     }
 
     /// Whether the scenario's duration is over or the run has failed.

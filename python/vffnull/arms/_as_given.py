@@ -13,7 +13,9 @@ from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.arms._capsules import Fit, Solid, volume
 from vffnull.arms._frames import matrix
-from vffnull.arms._hulls import PROTRUSION, Hull, simplified
+from vffnull.arms._hulls import Hull
+from vffnull.arms._kept import keep, kept, key_of
+from vffnull.arms._pieces import WAY, enclosing, outside
 
 __all__ = ["as_given", "joined", "name_of"]
 
@@ -34,13 +36,13 @@ def name_of(item: Item) -> str:
     return f"{item['link']}: {form.get('file', form['kind'])}"
 
 
-def as_given(item: Item, solid: Solid) -> Fit:
+def as_given(item: Item, solid: Solid, pieces: int = 1) -> list[Fit]:
     """The least of the shapes that can be measured around one form of a file.
 
     Boxes, balls and capsules are what they are. A cylinder becomes the prism of 16 sides around it, which has
     1.3 % more volume and reaches 2 % of the radius beyond it, or a capsule if it is so long that this has
-    less volume. Of a mesh it is the convex hull; one of more than 64 corners is replaced by a larger one of
-    at most 64.
+    less volume. Of a mesh it is the convex hull, or those of its pieces; one of more than 64 corners is
+    replaced by a larger one of at most 64.
 
     Parameters
     ----------
@@ -48,20 +50,22 @@ def as_given(item: Item, solid: Solid) -> Fit:
         The form, and its frame in that of the link that carries it.
     solid : Solid
         What it is made of, in the frame of that link.
+    pieces : int
+        The most hulls that a mesh may become.
 
     Raises
     ------
     ImportError
-        Without SciPy, or for a mesh without trimesh.
+        Without SciPy, for a mesh without trimesh, or for pieces without CoACD.
     vffnull.errors.InputError
-        If a mesh is flat, or sticks out by more than 1 mm.
+        If a mesh is flat, or CoACD cannot cut it.
     """
     form, place = item["form"], item["frame"]
     own = taken = solid.hull or 0.0
     shape: dict[str, Any]
     match form["kind"]:
         case "mesh":
-            return _hull_of(item, solid)
+            return _hulls_of(item, solid, pieces)
         case "cylinder":
             shape, taken = _around_cylinder(form, place)
         case "box":
@@ -73,24 +77,35 @@ def as_given(item: Item, solid: Solid) -> Fit:
             a, b = solid.points.tolist()
             shape = {"kind": "capsule", "a": a, "b": b, "radius": form["radius"]}
     parts = tuple(item.get("parts", [solid.name]))
-    return Fit(item["on"], parts, shape, taken, own, 0.0, len(solid.points), own)
+    return [Fit(item["on"], parts, shape, taken, own, 0.0, len(solid.points), own)]
 
 
-def _hull_of(item: Item, solid: Solid) -> Fit:
-    try:
-        exact = Hull(solid.points)
-        hull = simplified(exact)
-        _core.hull(hull.corners)  # what is thinner than it takes
-    except (extra("scipy.spatial", "meshes").QhullError, ValueError) as error:
-        raise InputError(f"{name_of(item)} is flat: it has no hull; use collision='fit'") from error
-    out = float(hull.outside(solid.points).max())
-    if out > PROTRUSION:
-        raise InputError(f"{name_of(item)} sticks out of its hull by {out * 1e3:.3g} mm")
+def _hulls_of(item: Item, solid: Solid, pieces: int) -> list[Fit]:
+    """The hulls of a mesh; those of several pieces are kept, as to cut takes long."""
+    key = key_of(f"{item['on']} in {pieces} pieces, {WAY}", [solid]) if pieces > 1 else None
+    if key is not None and (found := kept(key)) is not None:
+        return found
     surface = extra("trimesh", "meshes").Trimesh(solid.points, solid.triangles, process=True)
+    try:
+        hulls = enclosing(surface, pieces)
+        for hull in hulls:
+            _core.hull(hull.corners)  # what is thinner than it takes
+    except (extra("scipy.spatial", "meshes").QhullError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise InputError(f"{name_of(item)}: {error}") from error
+        raise InputError(f"{name_of(item)} is flat: it has no hull; use collision='fit'") from error
     own = (abs(float(surface.volume)) or None) if surface.is_watertight else None
-    shape = {"kind": "convex", "vertices": hull.corners.tolist()}
-    count = len(solid.points)
-    return Fit(item["on"], (solid.name,), shape, hull.volume, exact.volume, out, count, own)
+    one, total = Hull(solid.points).volume, sum(hull.volume for hull in hulls)
+    out, count = outside(hulls, surface), len(solid.points)
+    fits = []
+    for hull in hulls:
+        shape = {"kind": "convex", "vertices": hull.corners.tolist()}
+        share = hull.volume / total
+        of_file = None if own is None else share * own
+        fits.append(Fit(item["on"], (solid.name,), shape, hull.volume, share * one, out, count, of_file))
+    if key is not None:
+        keep(key, fits)
+    return fits
 
 
 def _around_cylinder(form: Mapping[str, Any], place: Mapping[str, Any]) -> tuple[dict[str, Any], float]:

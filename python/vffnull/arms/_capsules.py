@@ -120,7 +120,8 @@ class Fit:
         How many were asked.
     own_volume : float or None
         Of shapes as in the file the volume of what it contains, hollows left out [m³]; None if that is a
-        mesh whose surface is open, so that it has none.
+        mesh whose surface is open, so that it has none. A mesh in several pieces has one volume, and so has
+        its hull: each piece counts with its share of them.
     """
 
     link: str

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vffnull._support.extras import extra
 
-__all__ = ["CORNERS", "PROTRUSION", "Hull", "simplified"]
+__all__ = ["CORNERS", "Hull", "simplified"]
 
 Array = NDArray[np.float64]
 
@@ -15,8 +15,6 @@ CORNERS = 64
 """The most that a hull may have."""
 PLANES = CORNERS // 2 + 2
 """Where three meet in a corner, so many make as many corners as there may be."""
-PROTRUSION = 1e-3
-"""How far a surface may stick out of its hulls [m] before they are refused."""
 WIDER = 1e-7
 """What a hull with fewer corners is larger than it must be, as a share of its diagonal: above rounding."""
 

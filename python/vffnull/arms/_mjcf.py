@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import vffnull._core as _core
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.arms._frames import frame, matrix, six
-from vffnull.arms._read import Collision, finish, options, tell
+from vffnull.arms._read import Collision, Pieces, finish, options, tell
 from vffnull.arms._report import Report
 from vffnull.arms._urdf import text_of
 from vffnull.model.arm import listed
@@ -44,6 +44,7 @@ def from_mjcf(
     srdf: str | os.PathLike[str] | None = None,
     armature: ArrayLike | None = None,
     fix_inertia: bool = False,
+    pieces: Pieces = 1,
 ) -> dict[str, Any]:
     """The explicit description of a serial arm in an MJCF.
 
@@ -54,7 +55,7 @@ def from_mjcf(
     ----------
     mjcf : str, path or mujoco.MjModel
         A file, the text itself, or a model.
-    tip, base, locked, tool, mount, collision, srdf, armature, fix_inertia
+    tip, base, locked, tool, mount, collision, srdf, armature, fix_inertia, pieces
         As in `from_urdf`; links are bodies, the root is ``world``.
     gravity : (3,) array_like, optional
         In the world [m/s²]; the model's by default.
@@ -80,7 +81,7 @@ def from_mjcf(
     --------
     from_urdf : the same for URDF, with all parameters explained.
     """
-    asked = (tip, base, locked, tool, mount, gravity, collision, srdf, armature, fix_inertia)
+    asked = (tip, base, locked, tool, mount, gravity, collision, srdf, armature, fix_inertia, pieces)
     return tell(read_mjcf(mjcf, *asked))
 
 
@@ -96,12 +97,13 @@ def read_mjcf(
     srdf: str | os.PathLike[str] | None = None,
     armature: ArrayLike | None = None,
     fix_inertia: bool = False,
+    pieces: Pieces = 1,
 ) -> Report:
     """The same as `from_mjcf`, with everything that there is to say about it, and no warnings.
 
     Parameters
     ----------
-    mjcf, tip, base, locked, tool, mount, gravity, collision, srdf, armature, fix_inertia
+    mjcf, tip, base, locked, tool, mount, gravity, collision, srdf, armature, fix_inertia, pieces
         As in `from_mjcf`.
 
     Returns
@@ -125,7 +127,7 @@ def read_mjcf(
         pairs,
     )
     reading = _core.reduce_tree(reader.tree(), asked)
-    return finish(reading, collision, reader.mesh, source, srdf is not None)
+    return finish(reading, collision, pieces, reader.mesh, source, srdf is not None)
 
 
 def _import() -> Any:

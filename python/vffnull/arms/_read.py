@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 
     from vffnull.arms._capsules import Fit, Solid
 
-__all__ = ["Collision", "MeshReader", "finish", "options", "solid_of", "tell"]
+__all__ = ["Collision", "MeshReader", "Pieces", "finish", "options", "solid_of", "tell"]
 
 Collision = Literal["fit", "file", "none"]
+Pieces = int | Mapping[str, int]
 MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
 """From a mesh of the model and a name for messages to its surface."""
 
@@ -97,16 +98,19 @@ def _placement(name: str, value: Any) -> dict[str, list[float]]:
 
 
 def finish(
-    reading: dict[str, Any], collision: Collision, mesh: MeshReader, source: str, srdf: bool
+    reading: dict[str, Any], collision: Collision, pieces: Pieces, mesh: MeshReader, source: str, srdf: bool
 ) -> Report:
     """Shapes from the geometry, and the report; with an SRDF, that alone says which pairs are ignored."""
     if collision not in ("fit", "file", "none"):
         raise InputError(f"collision: expected 'fit', 'file' or 'none', got {collision!r}")
     arm, odd = reading["arm"], list(reading["warnings"])
     fits: list[Fit] = []
-    if collision != "none":
-        geometry = joined(reading["geometry"])
-        fits = _fit(arm, geometry, mesh) if collision == "fit" else _as_in_file(geometry, mesh, odd)
+    geometry = joined(reading["geometry"]) if collision != "none" else []
+    count = _counts(pieces, collision, geometry)
+    if collision == "fit":
+        fits = _fit(arm, geometry, mesh)
+    elif collision == "file":
+        fits = _as_in_file(geometry, count, mesh, odd)
     arm["collision"] = [{"link": fit.link, "shape": fit.shape} for fit in fits]
     touching: list[tuple[str, str]] = []
     if fits:
@@ -200,11 +204,30 @@ def _fit(arm: Mapping[str, Any], geometry: Sequence[Mapping[str, Any]], mesh: Me
     return fits
 
 
-def _as_in_file(geometry: Sequence[Item], mesh: MeshReader, odd: list[str]) -> list[Fit]:
+def _as_in_file(
+    geometry: Sequence[Item], count: Callable[[str], int], mesh: MeshReader, odd: list[str]
+) -> list[Fit]:
     fits = []
     for item in geometry:
         try:
-            fits.append(as_given(item, solid_of(item, mesh)))
+            fits += as_given(item, solid_of(item, mesh), count(item["link"]))
         except MissingMeshError as error:
             odd.append(f"{error}; it is left out")
     return fits
+
+
+def _counts(pieces: Any, collision: Collision, geometry: Sequence[Item]) -> Callable[[str], int]:
+    """From a link to the most hulls that each of its meshes may become."""
+    each = {"": pieces} if not isinstance(pieces, Mapping) else pieces
+    for link, count in each.items():
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            name = f"pieces[{link!r}]" if link else "pieces"
+            raise InputError(f"{name}: expected a whole number of at least 1, got {count!r}")
+    if collision != "file" and any(count > 1 for count in each.values()):
+        raise InputError("pieces: only the meshes of collision='file' are cut")
+    if not isinstance(pieces, Mapping):
+        return lambda _: pieces
+    known = {item["link"] for item in geometry if item["form"]["kind"] == "mesh"}
+    if collision == "file" and (strange := sorted(set(pieces) - known)):
+        raise InputError(f"pieces: no mesh on a link {strange[0]!r}; there are {', '.join(sorted(known))}")
+    return lambda link: pieces.get(link, 1)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import vffnull._core as _core
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.arms import _meshes
-from vffnull.arms._read import Collision, finish, options, tell
+from vffnull.arms._read import Collision, Pieces, finish, options, tell
 from vffnull.arms._report import Report
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def from_urdf(
     packages: _meshes.Packages | None = None,
     armature: ArrayLike | None = None,
     fix_inertia: bool = False,
+    pieces: Pieces = 1,
 ) -> dict[str, Any]:
     """The explicit description of a serial arm in a URDF.
 
@@ -75,6 +76,11 @@ def from_urdf(
     fix_inertia : bool, optional
         Whether inertia tensors that no distribution of mass has are replaced by the nearest possible
         ones, with a warning, instead of refused.
+    pieces : int or dict, optional
+        With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links that
+        are named, such as ``{"forearm_link": 4}``. One hull fills every hollow of a mesh; CoACD cuts it where
+        this keeps them best, which takes seconds to minutes and is kept for the next time. Nothing of a mesh
+        sticks out of its hulls.
 
     Returns
     -------
@@ -104,8 +110,8 @@ def from_urdf(
     >>> arm["joints"][0]["name"], arm["torque_limits"]
     ('hinge', [5.0])
     """
-    asked = (tip, base, locked, tool, mount, gravity, collision, srdf, packages, armature, fix_inertia)
-    return tell(read_urdf(urdf, *asked))
+    where = (tip, base, locked, tool, mount, gravity)
+    return tell(read_urdf(urdf, *where, collision, srdf, packages, armature, fix_inertia, pieces))
 
 
 def read_urdf(
@@ -121,12 +127,13 @@ def read_urdf(
     packages: _meshes.Packages | None = None,
     armature: ArrayLike | None = None,
     fix_inertia: bool = False,
+    pieces: Pieces = 1,
 ) -> Report:
     """The same as `from_urdf`, with everything that there is to say about it, and no warnings.
 
     Parameters
     ----------
-    urdf, tip, base, locked, tool, mount, gravity, collision, srdf, packages, armature, fix_inertia
+    urdf, tip, base, locked, tool, mount, gravity, collision, srdf, packages, armature, fix_inertia, pieces
         As in `from_urdf`.
 
     Returns
@@ -150,7 +157,7 @@ def read_urdf(
         except _meshes.MissingMeshError as error:
             raise _meshes.MissingMeshError(f"{name.partition(':')[0]}: {error}") from None
 
-    return finish(reading, collision, mesh, str(path or "URDF"), srdf is not None)
+    return finish(reading, collision, pieces, mesh, str(path or "URDF"), srdf is not None)
 
 
 def text_of(name: str, given: str | os.PathLike[str]) -> tuple[str, Path | None]:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
-from vffnull.arms._hulls import PROTRUSION, Hull, simplified
+from vffnull.arms._pieces import enclosing, outside
 from vffnull.model.document import frozen
 from vffnull.model.world import Obstacle
 
@@ -27,9 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["Enclosure", "enclose"]
 
 Array = NDArray[np.float64]
-
-SPACING = 1 / 40
-"""Of the points of the surface that must lie within the hulls, as a share of its diagonal."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +38,8 @@ class Enclosure:
     mesh_volume : float or None
         Of the mesh [m³]; None if its surface is open, so that it has none.
     protrusion : float
-        How far the surface sticks out of the hulls at most [m]: exactly where there is one hull, otherwise
-        over points that are nowhere farther apart than 1/80 of its diagonal.
+        How far the surface sticks out of the hulls at most [m]: by rounding, if at all, as every triangle
+        lies within one of them.
     """
 
     hulls: tuple[Array, ...]
@@ -114,7 +107,7 @@ def enclose(
     ImportError
         Without trimesh, SciPy or, for several pieces, CoACD: ``pip install "vffnull[meshes]"``.
     vffnull.errors.InputError
-        If the file cannot be read, holds nothing that encloses a volume, or the hulls miss more than 1 mm.
+        If the file cannot be read, holds nothing that encloses a volume, or CoACD cannot cut it.
     """
     if isinstance(pieces, bool) or not isinstance(pieces, int) or pieces < 1:
         raise InputError(f"pieces: expected a whole number of at least 1, got {pieces!r}")
@@ -128,84 +121,13 @@ def enclose(
 
     solid = read(path, path.stem, np.broadcast_to(factors, 3).tolist())
     surface = extra("trimesh", "meshes").Trimesh(solid.points, solid.triangles, process=True)
-    parts = [np.asarray(surface.vertices, float)] if pieces == 1 else _cut(surface, pieces)
-    covered, judged = (
-        _points_on(surface, 0.0 if len(parts) == 1 else each) for each in (SPACING, SPACING / 2)
-    )
     try:
-        hulls = _covering(parts, covered)
+        hulls = enclosing(surface, pieces)
     except extra("scipy.spatial", "meshes").QhullError as error:
         raise InputError(f"mesh {str(path)!r} is flat: it encloses no volume") from error
-    protrusion = max(0.0, float(_outside(hulls, judged).max()))
-    if protrusion > PROTRUSION:
-        raise InputError(
-            f"mesh {str(path)!r} sticks out of {len(hulls)} hulls by {1e3 * protrusion:.1f} mm; "
-            "try another number of pieces"
-        )
     return Enclosure(
         hulls=tuple(hull.corners for hull in hulls),
         volume=sum(hull.volume for hull in hulls),
         mesh_volume=abs(float(surface.volume)) if surface.is_watertight else None,
-        protrusion=protrusion,
+        protrusion=max(0.0, outside(hulls, surface)),
     )
-
-
-CUT = """
-import signal, sys
-import coacd, numpy as np
-signal.signal(signal.SIGINT, signal.SIG_DFL)
-coacd.set_log_level("off")
-given = np.load(sys.argv[1])
-parts = coacd.run_coacd(coacd.Mesh(given["points"], given["faces"]), max_convex_hull=int(sys.argv[3]))
-np.savez(sys.argv[2], *(points for points, _ in parts))
-"""
-
-
-def _cut(surface: Any, pieces: int) -> list[Array]:
-    """The vertices of the parts that CoACD makes of a surface, in a process that Ctrl-C ends."""
-    extra("coacd", "meshes")
-    with tempfile.TemporaryDirectory() as folder:
-        given, found, said = (Path(folder) / name for name in ("given.npz", "found.npz", "said.txt"))
-        np.savez(given, points=surface.vertices, faces=surface.faces)
-        with said.open("wb") as output:
-            process = subprocess.Popen(
-                [sys.executable, "-c", CUT, given, found, str(pieces)], stdout=output, stderr=output
-            )
-            try:
-                while process.poll() is None:
-                    time.sleep(0.02)
-            finally:
-                process.kill()
-                process.wait()
-        if process.returncode:
-            raise InputError(f"CoACD cannot cut this mesh: {said.read_text(errors='replace')[-300:]}")
-        with np.load(found) as parts:
-            return [np.asarray(parts[name], float) for name in parts]
-
-
-def _points_on(surface: Any, spacing: float) -> Array:
-    """Vertices of a surface, and points between them, none farther apart than a share of its diagonal.
-
-    A share of 0 asks for the vertices alone.
-    """
-    if not spacing:
-        return np.asarray(surface.vertices, float)
-    trimesh = extra("trimesh", "meshes")
-    longest = spacing * float(np.linalg.norm(surface.extents))
-    points, _ = trimesh.remesh.subdivide_to_size(surface.vertices, surface.faces, longest, max_iter=20)
-    return np.asarray(points, float)
-
-
-def _outside(hulls: Sequence[Hull], points: Array) -> Array:
-    """How far points are outside the hull that they are least outside of [m]."""
-    found: Array = np.min([hull.outside(points) for hull in hulls], axis=0)
-    return found
-
-
-def _covering(parts: Sequence[Array], points: Array) -> list[Hull]:
-    """The hulls of parts, each widened by the points that none contains and it is nearest to."""
-    hulls = [Hull(part) for part in parts]
-    beyond = np.array([hull.outside(points) for hull in hulls])
-    nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
-    wide = (np.vstack([hull.corners, points[nearest == k]]) for k, hull in enumerate(hulls))
-    return [simplified(Hull(each)) for each in wide]

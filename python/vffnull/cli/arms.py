@@ -102,6 +102,7 @@ class _Model:
     srdf: Path | None
     packages: tuple[Path, ...]
     fix_inertia: bool
+    pieces: tuple[str, ...]
 
     def read(self) -> Report:
         """What the file holds."""
@@ -110,7 +111,7 @@ class _Model:
         if not self.file.is_file():
             what = "is a directory" if self.file.is_dir() else "there is no such file"
             raise InputError(f"{self.file}: {what}")
-        given = {**self._named, "srdf": self.srdf, "collision": self.collision}
+        given = {**self._named, "srdf": self.srdf, "collision": self.collision, "pieces": self._most}
         if not self._is_mjcf:
             packages = list(self.packages) or None
             return models.read_urdf(self.file, packages=packages, fix_inertia=self.fix_inertia, **given)
@@ -124,13 +125,22 @@ class _Model:
         table |= {key: value for key, value in self._named.items() if value}
         table |= {"srdf": str(self.srdf)} if self.srdf else {}
         table |= {"collision": self.collision} if self.collision != "fit" else {}
+        table |= {"pieces": self._most} if self.pieces else {}
         table |= {"packages": [str(each) for each in self.packages]} if self.packages else {}
         return table | ({"fix_inertia": True} if self.fix_inertia else {})
 
     @property
     def _named(self) -> dict[str, Any]:
-        locked = dict(_assignment(text) for text in self.locked)
+        locked = dict(_assignment("--lock", text, "finger=0.02") for text in self.locked)
         return {"tip": self.tip, "base": self.base, "locked": locked}
+
+    @property
+    def _most(self) -> int | dict[str, int]:
+        """Hulls of a mesh: of each, or of those of some links."""
+        if len(self.pieces) == 1 and self.pieces[0].isdecimal():
+            return int(self.pieces[0])
+        named = (_assignment("--pieces", text, "forearm_link=4") for text in self.pieces)
+        return {link: _whole("--pieces", count) for link, count in named} or 1
 
     @property
     def _is_mjcf(self) -> bool:
@@ -187,6 +197,12 @@ _READING = (
         help="A folder in which meshes are searched; repeatable.",
     ),
     click.option("--fix-inertia", is_flag=True, help="Repair impossible inertia tensors."),
+    click.option(
+        "--pieces",
+        multiple=True,
+        metavar="[LINK=]COUNT",
+        help="Hulls into which meshes may be cut, as in the file; repeatable.",
+    ),
 )
 
 
@@ -234,14 +250,20 @@ def check(model: _Model, as_toml: bool, as_json: bool) -> int:
     return FINE
 
 
-def _assignment(text: str) -> tuple[str, float]:
+def _assignment(option: str, text: str, example: str) -> tuple[str, float]:
     name, equals, value = text.rpartition("=")
     try:
         if name and equals:
             return name, float(value)
     except ValueError:
         pass
-    raise click.UsageError(f"--lock {text}: expected JOINT=VALUE, as in --lock finger=0.02")
+    raise click.UsageError(f"{option} {text}: expected NAME=NUMBER, as in {option} {example}")
+
+
+def _whole(option: str, value: float) -> int:
+    if not value.is_integer():
+        raise click.UsageError(f"{option}: expected whole numbers, got {value:g}")
+    return int(value)
 
 
 def _finite(value: Any) -> Any:

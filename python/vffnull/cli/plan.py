@@ -69,6 +69,7 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     help="Keep places free that are passed so soon [s]; 0: nothing moves; none: leave out what does.",
 )
 @click.option("--samples", type=int, default=20_000, show_default=True, help="When to give up.")
+@click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @set_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the plan, as .npz.")
@@ -81,6 +82,7 @@ def plan(
     speed: float,
     horizon: float | None,
     samples: int,
+    paths: int,
     seed: int,
     assignments: tuple[str, ...],
     out: Path | None,
@@ -104,7 +106,8 @@ def plan(
         checked_path(out)
     ready = prepared(scenario, assignments)
     given = {"position": goal, "orientation": orientation} if orientation is not None and goal else goal
-    found = find(ready, given, margin=margin, speed=speed, horizon=horizon, samples=samples, seed=seed)
+    tried = {"samples": samples, "paths": paths, "seed": seed}
+    found = find(ready, given, margin=margin, speed=speed, horizon=horizon, **tried)
     if out is not None:
         found.save(out)
     if as_json:

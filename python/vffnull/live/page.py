@@ -575,6 +575,7 @@ class LivePage:
                     self._panel.read({**state, **self._scene.readings(), "found": self._found(state)})
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._plots.pictures.show(self._live.pictures())
+                    self._plots.self_motion.show(self._live.self_motion_map())
                     self._drain()
             self.drawn += 1
             self.frame_rate = self._rate.count(now)

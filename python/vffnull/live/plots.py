@@ -15,6 +15,7 @@ from viser import uplot
 
 from vffnull._core import matrices
 from vffnull.live.pictures import Pictures
+from vffnull.live.self_motion import SelfMotionPicture
 
 WINDOW = 12.0
 """What is shown [s]."""
@@ -34,12 +35,15 @@ CURVES = (
 
 
 class Plots:
-    """The plots, in the present container of the page, below the pictures of cameras where there are some."""
+    """The plots, in the present container of the page, below the pictures of cameras and of what a search of
+    the self-motion has found, where there are some.
+    """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=int(WINDOW / INTERVAL))
         self._due = 0.0
         self.pictures = Pictures(server)
+        self.self_motion = SelfMotionPicture(server)
         self._handles = [self._add(server, *curve) for curve in CURVES]
 
     def clear(self, turns: bool) -> None:
@@ -50,6 +54,7 @@ class Plots:
         self._rows.clear()
         self._due = 0.0
         self.pictures.clear()
+        self.self_motion.clear()
 
     def add(self, state: Mapping[str, Any]) -> None:
         """Take a state in, and show it when it is time to."""

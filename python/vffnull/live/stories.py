@@ -160,6 +160,17 @@ GIVING_WAY: dict[str, Story] = {
             "controller.yielding.task_weight": 300.0,
         },
     ),
+    "Swivel": Story(
+        "panda-sweep",
+        "The picture on the left shows where the elbow can swivel, from now to 3 s ahead: red is contact, "
+        "the line is the way that is followed. Drag the ball at the elbow, and watch the way change before "
+        "the ball is there.",
+        {
+            "obstacles": [_ball([-0.05, 0.0, 0.62], [0.0, -0.55, 0.0], 0.6, _QUARTER)],
+            "controller.avoidance": "cbf",
+            "controller.yielding.preview": {"self_motion": {}},
+        },
+    ),
     "Swarm": Story(
         "panda-cup",
         "Three balls swing through elbow, forearm and hand. Barriers with look-ahead keep 2 cm to each of "

@@ -22,6 +22,7 @@ Goal = ArrayLike | Mapping[str, ArrayLike] | tuple[ArrayLike, ArrayLike]
 """A configuration, a position, or a position with an orientation."""
 
 _MAX_SAMPLES = 10_000_000
+_MAX_PATHS = 1000
 
 
 def plan(
@@ -34,45 +35,42 @@ def plan(
     horizon: float | None = 1.0,
     speed: float = 0.5,
     samples: int = 20_000,
+    paths: int = 4,
     seed: int = 0,
 ) -> Plan:
     """Plan a motion of all joints to a goal, around what is in the way.
 
     Two trees of configurations, one from the start and one from all goals, grow towards each other
-    (RRT-Connect);
-    the path is shortened and rounded, and followed as fast as the joints allow. Every piece of it is
-    certified to be
-    free, not sampled. The same arguments give the same plan.
+    (RRT-Connect); the path is shortened and rounded, and followed as fast as the joints allow. Every
+    piece of it is certified to be free, not sampled. The same arguments give the same plan.
 
     Parameters
     ----------
     scenario : str, path, Mapping or Scenario
         The arm, its obstacles and where it starts; what `vffnull.simulate` accepts.
     goal : (n,) array_like, Mapping or tuple, optional
-        Where to go: a configuration [rad]; ``{"position": …}`` [m], with ``"orientation"`` a pose (an angle
-        [rad] in
-        the plane, a quaternion [w, x, y, z] in space); or (position, orientation). By default where the
-        scenario's
-        reference is at the end of its duration, as far as its task cares.
+        Where to go: a configuration [rad]; ``{"position": …}`` [m], with ``"orientation"`` a pose (an
+        angle [rad] in the plane, a quaternion [w, x, y, z] in space); or (position, orientation). By
+        default where the scenario's reference is at the end of its duration, as far as its task cares.
     start : (n,) array_like, optional
         Where the joints are [rad]; ``q0`` by default.
     time : float, optional
         When the motion starts [s]: obstacles are where their motion has them then.
     margin : float, optional
-        What every link keeps from obstacles [m]; less near a start or goal that has less, and less all the
-        way where nothing else is found: the message says so.
+        What every link keeps from obstacles [m]; less near a start or goal that has less, and less all
+        the way where nothing else is found: the message says so.
     horizon : float or None, optional
-        For how long the places that obstacles will pass are kept free [s], as their motion is known. With 0
-        they are
-        taken as they are at `time`, with None those that move are left out.
+        For how long the places that obstacles will pass are kept free [s], as their motion is known. With
+        0 they are taken as they are at `time`, with None those that move are left out.
     speed : float, optional
-        The share of the limits of speed and acceleration that is used, in (0, 1]. Joints without a limit of
-        speed take
-        3 rad/s for it; the limit of acceleration is 30 rad/s² in the plane and 10 rad/s² in space. Of a
-        torque limit
-        80 % are used, gravity included.
+        The share of the limits of speed and acceleration that is used, in (0, 1]. Joints without a limit
+        of speed take 3 rad/s for it; the limit of acceleration is 30 rad/s² in the plane and 10 rad/s² in
+        space. Of a torque limit 80 % are used, gravity included.
     samples : int, optional
         How many random configurations are tried before the search gives up.
+    paths : int, optional
+        How many paths are searched, of which the shortest is taken. One is there in a fraction of the
+        time, and is longer as a rule.
     seed : int, optional
         Where the random numbers come from.
 
@@ -84,8 +82,8 @@ def plan(
     Raises
     ------
     vffnull.errors.ScenarioError
-        If the scenario cannot be run, or an argument is out of its range: start and goal are within 100 rad
-        or m of 0. If a limit makes the motion take more than an hour.
+        If the scenario cannot be run, or an argument is out of its range: start and goal are within 100
+        rad or m of 0. If a limit makes the motion take more than an hour.
     vffnull.errors.InputError, vffnull.errors.InputTypeError
         If an argument has the wrong shape, is not finite, or is of a type that cannot be used.
     KeyboardInterrupt
@@ -111,6 +109,7 @@ def plan(
         horizon=None if horizon is None else _finite("horizon", horizon),
         speed=_finite("speed", speed),
         samples=whole("samples", samples, 0, _MAX_SAMPLES),
+        paths=whole("paths", paths, 1, _MAX_PATHS),
         seed=whole("seed", seed, 0, 2**64 - 1),
     )
     return _finished(ready, found, clock.perf_counter() - begun)

@@ -32,6 +32,7 @@ pub mod task;
 pub mod torque_range;
 pub mod virtual_forces;
 
+pub use avoidance::preview::SelfMotionMap;
 pub use controller::{Controller, ReactiveController};
 pub use deadline::{Budget, Deadline, LeftOut};
 pub use energy::{Energy, Power};

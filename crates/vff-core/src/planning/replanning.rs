@@ -181,6 +181,7 @@ where
             horizon: Some(horizon),
             speed,
             samples,
+            paths: PlanSettings::default().paths,
             seed: self.seed.wrapping_add(self.searches.len() as u64),
         };
         let mut task = Task { world: moment.world.clone(), ..self.task.clone() };

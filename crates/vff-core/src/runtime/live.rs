@@ -6,7 +6,7 @@ use super::points::PointsError;
 use super::real_time::at_rate;
 use super::run::AnyRun;
 use super::wrenches::{ActingPull, ActingWrench};
-use crate::control::Settings;
+use crate::control::{SelfMotionMap, Settings};
 use crate::math::UnitQuaternion;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
@@ -213,6 +213,11 @@ impl Live {
     /// [`ErasedRun::pictures`](crate::runtime::ErasedRun::pictures).
     pub fn pictures(&self) -> Vec<DepthPicture> {
         self.run.pictures()
+    }
+
+    /// [`ErasedRun::self_motion_map`](crate::runtime::ErasedRun::self_motion_map).
+    pub fn self_motion_map(&self) -> Option<SelfMotionMap> {
+        self.run.self_motion_map()
     }
 
     /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.

@@ -3,7 +3,7 @@
 use super::observation;
 use super::points::{self, PointsError};
 use super::wrenches::{ActingPull, ActingWrench};
-use crate::control::{Gains, Settings};
+use crate::control::{Gains, SelfMotionMap, Settings};
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Limits, Model};
 use crate::scenario::{self, FromDocument, Problem, ScenarioError};
@@ -195,6 +195,9 @@ pub trait ErasedRun: Debug + Send + Any {
 
     /// [`ClosedLoop::pictures`](crate::simulation::ClosedLoop::pictures).
     fn pictures(&self) -> Vec<DepthPicture>;
+
+    /// [`Controller::self_motion_map`](crate::control::Controller::self_motion_map).
+    fn self_motion_map(&self) -> Option<SelfMotionMap>;
 
     /// Every wrench that acts now.
     fn wrenches(&self) -> Vec<ActingWrench>;
@@ -397,6 +400,10 @@ where
 
     fn pictures(&self) -> Vec<DepthPicture> {
         self.closed_loop().pictures()
+    }
+
+    fn self_motion_map(&self) -> Option<SelfMotionMap> {
+        self.closed_loop().self_motion_map()
     }
 
     fn wrenches(&self) -> Vec<ActingWrench> {

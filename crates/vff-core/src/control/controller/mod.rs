@@ -10,7 +10,7 @@ mod tests;
 
 pub use reactive::ReactiveController;
 
-use super::avoidance::preview::Preview;
+use super::avoidance::preview::{Preview, SelfMotionMap};
 use super::deadline::{Budget, LeftOut};
 use super::{Avoidance, Gains, Law, Output, Torque, Yielding};
 use crate::robot::Manipulator;
@@ -97,6 +97,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         let of_preview = self.preview.as_ref().map(|preview| preview.left_out());
         let late = LeftOut { late: self.budget.late(), ..LeftOut::default() };
         late.with(of_preview.unwrap_or_default()).with(self.reactive.left_out())
+    }
+
+    /// What the last search of the self-motion has found; None without one, and while nothing comes near. Allocates.
+    pub fn self_motion_map(&self) -> Option<SelfMotionMap> {
+        self.preview.as_ref()?.self_motion_map()
     }
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.

@@ -95,6 +95,9 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
         number("horizon", horizon, &FINITE)?;
     }
     number("speed", settings.speed, &POSITIVE)?;
+    if settings.paths == 0 {
+        return Err(ScenarioError::out_of_range("paths", "at least 1", 0.0));
+    }
     if settings.speed > 1.0 {
         return Err(ScenarioError::out_of_range("speed", "at most 1", settings.speed));
     }

@@ -17,6 +17,8 @@ pub struct PlanSettings {
     pub speed: f64,
     /// How many random configurations are tried.
     pub samples: usize,
+    /// How many paths are searched, ≥ 1, of which the shortest is taken: one is there soonest.
+    pub paths: usize,
     /// Where the random numbers come from.
     pub seed: u64,
 }
@@ -31,6 +33,7 @@ impl Default for PlanSettings {
             horizon: Some(1.0),
             speed: 0.5,
             samples: 20_000,
+            paths: 4,
             seed: 0,
         }
     }

@@ -10,9 +10,7 @@ const SEEDS: [usize; 2] = [64, 512];
 const GOALS: usize = 8;
 /// Configurations nearer than this are one goal \[rad\].
 const SAME: f64 = 0.1;
-/// Paths that are searched, of which the shortest is taken.
-const ATTEMPTS: usize = 4;
-/// Shortcuts that are tried on each.
+/// Shortcuts that are tried on each path.
 const SHORTCUTS: usize = 200;
 /// What is kept of the margin of the path where corners are rounded, and of what bodies of the arm keep from each other.
 const ROUNDED: f64 = 0.5;
@@ -225,9 +223,9 @@ where
         ranges: &[[f64; 2]],
         [mut samples, patience]: [usize; 2],
     ) -> Vec<tree::Found> {
-        let Self { space, noise, start, .. } = self;
+        let Self { space, noise, start, settings, .. } = self;
         let mut all: Vec<tree::Found> = vec![];
-        for _ in 0..ATTEMPTS {
+        for _ in 0..settings.paths {
             let mut found = tree::search(space, start, goals, ranges, [samples, patience], noise);
             if found.gap > 0.0 {
                 if all.is_empty() {

@@ -1,6 +1,7 @@
 //! What can be asked of a closed loop at its present instant.
 
 use super::*;
+use crate::control::SelfMotionMap;
 use crate::simulation::DepthPicture;
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
@@ -94,6 +95,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// The pictures of depth cameras that arrived last. Allocates.
     pub fn pictures(&self) -> Vec<DepthPicture> {
         self.perception.as_ref().map_or_else(Vec::new, Perceive::pictures)
+    }
+
+    /// [`Controller::self_motion_map`].
+    pub fn self_motion_map(&self) -> Option<SelfMotionMap> {
+        self.controller().self_motion_map()
     }
 
     /// Whether the controller knows all obstacles.

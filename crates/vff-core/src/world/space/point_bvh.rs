@@ -9,6 +9,7 @@
 //! tree was made, what is in [l, h] at rates in [l', h'] is in [l + l'e, h + h'e] (T180).
 
 use crate::geometry::Probe;
+use crate::interrupt;
 use crate::math::Vector;
 use crate::world::broad_phase::MARGIN;
 use std::ops::Range;
@@ -110,6 +111,7 @@ impl PointBvh {
         level: usize,
         node: usize,
     ) {
+        interrupt::checkpoint(64);
         let (begin, count) = self.levels[level];
         let gaps = match self.rates.get(begin + node) {
             None => self.nodes[begin + node].gaps(sight),
@@ -135,6 +137,7 @@ impl PointBvh {
             }
             let child = first + nearest;
             if level + 1 == self.levels.len() {
+                interrupt::checkpoint(64);
                 let start = RUN * child;
                 *limit = limit.min(measure(start..(start + RUN).min(self.count)));
             } else {

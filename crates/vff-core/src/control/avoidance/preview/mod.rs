@@ -21,6 +21,7 @@ mod self_motion;
 #[cfg(feature = "scenario")] // which validates by it
 pub(crate) use closed_loop_rollout::fastest_rate;
 pub use planning_cycle::Preview;
+pub use self_motion::SelfMotionMap;
 
 /// Where roll-outs begin.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ use super::candidate::{Candidate, Forecast, cost};
 use super::closed_loop_rollout::{ClosedLoopRollout, Foreseen};
 use super::prediction::Prediction;
 use super::rollout::{RATE, Rollout};
-use super::self_motion::SelfMotion;
+use super::self_motion::{SelfMotion, SelfMotionMap};
 use super::{Present, due};
 use crate::control::PreviewSettings;
 use crate::control::deadline::{Budget, LeftOut};
@@ -172,6 +172,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// What was left out for lack of time.
     pub fn left_out(&self) -> LeftOut {
         self.left_out
+    }
+
+    /// What the last search of the self-motion has found; None without one, and while nothing comes near. Allocates.
+    pub fn self_motion_map(&self) -> Option<SelfMotionMap> {
+        self.self_motion.as_ref()?.map()
     }
 
     /// Lets `dt` \[s\] pass.

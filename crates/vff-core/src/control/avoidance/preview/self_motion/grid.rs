@@ -64,7 +64,7 @@ pub struct Grid<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// Of every knot and place the posture \[rad\], and whether there is one.
     postures: Vec<f64>,
     exists: Vec<bool>,
-    /// Of every place and instant the smallest distance, as far as it matters \[m\].
+    /// Of every place and instant the smallest distance, as far as it matters \[m\]; NaN where none was measured.
     distances: Vec<f64>,
     /// The direction in which the self-motion goes on.
     heading: Vec<f64>,
@@ -104,7 +104,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
             poses: Vec::with_capacity(knots),
             postures: vec![0.0; knots * places * n],
             exists: vec![false; knots * places],
-            distances: vec![f64::INFINITY; places * instants],
+            distances: vec![f64::NAN; places * instants],
             heading: vec![0.0; n],
             first_heading: vec![0.0; n],
             q: vec![0.0; n],
@@ -175,7 +175,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
             poses.truncate(1);
         }
         self.exists.fill(false);
-        self.distances.fill(f64::INFINITY);
+        self.distances.fill(f64::NAN);
         self.q.copy_from_slice(robot.configuration());
         self.place(self.half)
             && self.projection.direction(&self.scout, &mut self.first_heading)
@@ -272,6 +272,16 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         self.speed.iter().enumerate().all(|(i, speed)| {
             (self.joint(to, k + 1, i) - self.joint(from, k, i)).abs() <= speed * self.step
         })
+    }
+
+    /// All distances, place by place, for those of an earlier search \[m\].
+    pub fn exchange_distances(&mut self, others: &mut Vec<f64>) {
+        std::mem::swap(&mut self.distances, others);
+    }
+
+    /// All distances, place by place \[m\].
+    pub fn distances(&self) -> &[f64] {
+        &self.distances
     }
 
     /// The smallest distance of `place` at instant `k`, as far as it matters \[m\].

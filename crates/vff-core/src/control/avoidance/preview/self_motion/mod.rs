@@ -5,10 +5,13 @@
 //! - `grid`: the postures along the self-motion, now and later, and their distances to the predicted obstacles.
 //! - `cheapest_path`: dynamic programming on that grid.
 //! - `search`: how this is spread over control cycles, and what is followed.
+//! - `map`: what of it can be looked at.
 
 mod cheapest_path;
 mod grid;
+mod map;
 mod search;
 mod task_projection;
 
+pub use map::SelfMotionMap;
 pub(super) use search::SelfMotion;

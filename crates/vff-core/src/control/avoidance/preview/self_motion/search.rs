@@ -8,6 +8,7 @@ use super::super::prediction::Prediction;
 use super::super::rollout::RATE;
 use super::cheapest_path::{CheapestPath, Passage};
 use super::grid::{Around, Grid};
+use super::map::SelfMotionMap;
 use crate::control::deadline::Budget;
 use crate::control::{Gains, SelfMotionSettings};
 use crate::interrupt;
@@ -71,6 +72,9 @@ pub struct SelfMotion<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// What is followed, and whether anything is.
     path: Path,
     follows: bool,
+    /// The distances of the last search that came to its end; none of any while nothing comes near \[m\].
+    found: Vec<f64>,
+    has_found: bool,
     /// The present configuration, as seen last, and the joint velocity at the beginning of the search.
     q: Vec<f64>,
     velocity: Vec<f64>,
@@ -156,6 +160,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
                 elapsed: 0.0,
             },
             follows: false,
+            found: grid.distances().to_vec(),
+            has_found: false,
             q: vec![0.0; n],
             velocity: vec![0.0; n],
             speed: 0.0,
@@ -180,7 +186,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     pub fn reset(&mut self) {
         (self.elapsed, self.since) = (f64::INFINITY, f64::INFINITY);
         self.stage = Stage::Rest;
-        self.follows = false;
+        (self.follows, self.has_found) = (false, false);
     }
 
     /// Lets `dt` \[s\] pass.
@@ -253,14 +259,15 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         let middle = self.grid.middle();
         let is_placed = self.grid.begin(robot, surroundings, &|s| reference(s).x);
         if !is_placed || !self.grid.has_obstacles() {
-            self.follows = false;
+            (self.follows, self.has_found) = (false, false);
             return;
         }
         self.speed = self.grid.speed_along(&self.velocity) * self.grid.step() / self.grid.spacing();
         self.measure(middle, 0, surroundings);
         let instants = self.places.len();
-        if (0..instants).all(|k| self.grid.distance(middle, k) >= self.clearance) {
-            self.follows = false;
+        // No posture is not near.
+        if !(0..instants).any(|k| self.grid.distance(middle, k) < self.clearance) {
+            (self.follows, self.has_found) = (false, false);
             return;
         }
         self.stage = Stage::Postures { is_forward: true, done: 0 };
@@ -319,7 +326,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         let reached = cheapest.trace(places);
         // Without a first step there is nothing to follow.
         self.follows = reached > 0;
+        path.elapsed = self.elapsed;
+        self.has_found = true;
         if !self.follows {
+            grid.exchange_distances(&mut self.found);
             return;
         }
         let n = self.q.len();
@@ -337,7 +347,23 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             .map(|(k, place)| grid.distance(*place, k));
         let least = soon.fold(f64::INFINITY, f64::min);
         path.distance = if reached < self.soon { f64::NEG_INFINITY } else { least };
-        path.elapsed = self.elapsed;
+        grid.exchange_distances(&mut self.found);
+    }
+
+    /// What the last search has found; None while nothing comes near. Allocates.
+    pub fn map(&self) -> Option<SelfMotionMap> {
+        let Self { grid, found, places, path, margin, clearance, .. } = self;
+        self.has_found.then(|| SelfMotionMap {
+            places: grid.places(),
+            spacing: grid.spacing(),
+            instants: places.len(),
+            step: grid.step(),
+            elapsed: path.elapsed,
+            distances: found.clone(),
+            path: if self.follows { places.clone() } else { vec![] },
+            margin: *margin,
+            clearance: *clearance,
+        })
     }
 
     /// Writes the joint velocity that follows the path \[rad/s\]: it leads by the lag with which the arm takes it up, and comes back to

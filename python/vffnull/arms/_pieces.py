@@ -1,0 +1,122 @@
+"""Surfaces in convex pieces: CoACD cuts them, and every triangle is made to lie within one of the hulls."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull.arms._hulls import Hull, simplified
+
+__all__ = ["WAY", "enclosing", "outside"]
+
+Array = NDArray[np.float64]
+
+WAY = 1
+"""Which way of making pieces this is; another one does not take those of this one for its own."""
+
+SPACING = 1 / 160
+"""How long the edges are of triangles that lie across a cut, as a share of the surface's diagonal."""
+
+
+def enclosing(surface: Any, count: int) -> list[Hull]:
+    """The hulls of at most so many pieces of a surface, in which all of it lies.
+
+    A triangle lies within a convex hull if its corners do. One that lies within none is added to the
+    one that it sticks out of least, so that nothing is left between two pieces.
+
+    Parameters
+    ----------
+    surface : trimesh.Trimesh
+        Vertices and faces [m].
+    count : int
+        The most hulls that there may be; one is that of all vertices.
+
+    Raises
+    ------
+    ImportError
+        Without SciPy or, for several pieces, CoACD.
+    vffnull.errors.InputError
+        If CoACD cannot cut the surface.
+    scipy.spatial.QhullError
+        If the surface is flat.
+    """
+    points, faces = np.asarray(surface.vertices, float), np.asarray(surface.faces)
+    if count == 1:
+        return [simplified(Hull(points))]
+    parts = _cut(surface, count)
+    hulls = [Hull(part) for part in parts]
+    across = _beyond(hulls, points, faces).min(axis=0) > 0.0
+    if across.any():
+        longest = SPACING * float(np.linalg.norm(surface.extents))
+        trimesh = extra("trimesh", "meshes")
+        points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
+        beyond = _beyond(hulls, points, faces)
+        nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
+        added = (np.unique(faces[nearest == k]) for k in range(len(hulls)))
+        hulls = [
+            Hull(np.vstack([hull.corners, points[each]])) for hull, each in zip(hulls, added, strict=True)
+        ]
+    return [simplified(hull) for hull in hulls]
+
+
+def outside(hulls: Sequence[Hull], surface: Any) -> float:
+    """How far a surface is outside of hulls at most [m], 0 or less where all of it is within one of them.
+
+    Of a triangle that lies within none it is what a corner of it is outside.
+    """
+    points, faces = np.asarray(surface.vertices, float), np.asarray(surface.faces)
+    beyond = _beyond(hulls, points, faces).min(axis=0)
+    if (across := beyond > 0.0).any() and len(hulls) > 1:
+        longest = SPACING * float(np.linalg.norm(surface.extents))
+        trimesh = extra("trimesh", "meshes")
+        points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
+        beyond = _beyond(hulls, points, faces).min(axis=0)
+    return float(beyond.max())
+
+
+def _beyond(hulls: Sequence[Hull], points: Array, faces: NDArray[Any]) -> Array:
+    """How far triangles are outside of each hull (k, t) [m]: the corner that is so most."""
+    return np.array([hull.outside(points)[faces].max(axis=1) for hull in hulls])
+
+
+CUT = """
+import signal, sys
+import coacd, numpy as np
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+coacd.set_log_level("off")
+given = np.load(sys.argv[1])
+parts = coacd.run_coacd(coacd.Mesh(given["points"], given["faces"]), max_convex_hull=int(sys.argv[3]))
+np.savez(sys.argv[2], *(points for points, _ in parts))
+"""
+
+
+def _cut(surface: Any, pieces: int) -> list[Array]:
+    """The vertices of the parts that CoACD makes of a surface, in a process that Ctrl-C ends."""
+    extra("coacd", "meshes")
+    with tempfile.TemporaryDirectory() as folder:
+        given, found, said = (Path(folder) / name for name in ("given.npz", "found.npz", "said.txt"))
+        np.savez(given, points=surface.vertices, faces=surface.faces)
+        with said.open("wb") as output:
+            process = subprocess.Popen(
+                [sys.executable, "-c", CUT, given, found, str(pieces)], stdout=output, stderr=output
+            )
+            try:
+                while process.poll() is None:
+                    time.sleep(0.02)
+            finally:
+                process.kill()
+                process.wait()
+        if process.returncode:
+            raise InputError(f"CoACD cannot cut this mesh: {said.read_text(errors='replace')[-300:]}")
+        with np.load(found) as parts:
+            return [np.asarray(parts[name], float) for name in parts]
