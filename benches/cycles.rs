@@ -114,6 +114,23 @@ fn times(scenario: &Scenario, runs: usize) -> [Vec<u64>; 2] {
     [all, least]
 }
 
+/// The same of something that takes some ten microseconds and is always the same: what the machine does meanwhile.
+fn times_of_nothing(runs: usize) -> [Vec<u64>; 2] {
+    let (mut all, mut least) = (vec![], vec![u64::MAX; STEPS as usize]);
+    for _ in 0..runs {
+        for least in &mut least {
+            let start = Instant::now();
+            black_box((0..1000).fold(black_box(2.0_f64), |x, _| (x + 1.0).sqrt()));
+            let time = start.elapsed().as_nanos() as u64;
+            all.push(time);
+            *least = time.min(*least);
+        }
+    }
+    all.sort_unstable();
+    least.sort_unstable();
+    [all, least]
+}
+
 /// The time \[µs\] that so many per cent of these \[ns\] stay within.
 fn at(times: &[u64], share: f64) -> f64 {
     let rank = (share / 100.0 * times.len() as f64).ceil() as usize;
@@ -142,6 +159,13 @@ fn main() {
          work: the most that one of them reports, as a deadline counts it [µs]; late, cut, roll-outs left out; clearance [m]"
     );
     println!("{:58}{}", "", columns.map(|c| format!("{c:>10}")).concat());
+    let shown = |[all, least]: [Vec<u64>; 2]| {
+        let of_all = [50.0, 99.9, 99.99, 100.0].map(|share| at(&all, share));
+        let of_least = [50.0, 99.9, 100.0].map(|share| at(&least, share));
+        let shares = of_all.iter().chain(&of_least).map(|time| format!("{time:10.1}"));
+        shares.collect::<String>()
+    };
+    println!("{:58}{}", "a thousand roots, one after the other", shown(times_of_nothing(runs)));
     for (name, scenario) in scenes() {
         for (method, how) in methods() {
             let scenario = silent(how(scenario.clone()));
@@ -162,11 +186,7 @@ fn main() {
             };
             let names = ["late_cycles", "cut_cycles", "rollouts_left_out", "min_clearance"];
             let told = names.map(told).join(" ");
-            let [all, least] = times(&scenario, runs);
-            let of_all = [50.0, 99.9, 99.99, 100.0].map(|share| at(&all, share));
-            let of_least = [50.0, 99.9, 100.0].map(|share| at(&least, share));
-            let shares = of_all.iter().chain(&of_least).map(|time| format!("{time:10.1}"));
-            let shares: String = shares.collect();
+            let shares = shown(times(&scenario, runs));
             let work = work as f64 * 1e-3;
             println!("{:58}{shares}{work:10.1}  {told}", format!("{name}, {method}"));
         }

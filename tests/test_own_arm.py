@@ -28,9 +28,21 @@ from vffnull.model.arm import arm_of
 from vffnull.model.headline import findings
 
 
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the fits of these tests are kept."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Nobody's own cache is touched."""
+def nobodys(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody's own cache is touched; what one test has fitted, others need not."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(place))
+
+
+@pytest.fixture
+def cache(nobodys: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One of one's own, empty."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / "vffnull" / "fits"
 

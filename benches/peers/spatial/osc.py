@@ -1,9 +1,10 @@
 """An operational-space controller as abr_control has it: another law, written here from its formulas.
 
 As in its ``OSC`` with ``Damping``, ``RestingConfig`` and ``AvoidObstacles``: M is inverted, the inertia of
-the hand by ``pinv``, gravity is made up for and Coriolis terms are not; every link near an obstacle is pushed
-by a force that is scaled with the inertia felt at its nearest point; a filter keeps pushes, damping and rest
-out of the task. MuJoCo supplies matrices and distances. Gains, posture and the field are the scene's.
+the hand by ``pinv`` where it is singular, gravity is made up for and Coriolis terms are not; every link near
+an obstacle is pushed at its nearest point; a filter keeps pushes, damping and rest out of the task. MuJoCo
+supplies matrices and distances. Gains, posture and the field are the scene's: in newtons, where abr_control
+scales its push with the inertia that is felt there, which makes these arms chatter.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ import numpy as np
 from peers.spatial.task import Array, Task
 from peers.spatial.way import Controller
 from vffnull.engines.export import to_mjcf
+
+SINGULAR = 1e-3
+"""Below this determinant the inertia of the hand is singular, as abr_control has it."""
 
 
 class OperationalSpace(Controller):
@@ -45,10 +49,12 @@ class OperationalSpace(Controller):
         mujoco.mj_jacSite(model, data, self.J[:3], self.J[3:], self.tip)
         J = self.J[: task.rows]
         M_inv = np.linalg.inv(self.M)
-        Mx = np.linalg.pinv(J @ M_inv @ J.T, rcond=0.01)
+        Mx_inv = J @ M_inv @ J.T
+        singular = abs(np.linalg.det(Mx_inv)) < SINGULAR
+        Mx = np.linalg.pinv(Mx_inv, rcond=0.1 * SINGULAR) if singular else np.linalg.inv(Mx_inv)
         error = self.error(k)[: task.rows]
         u_task = -control["stiffness"] * error - control["damping"] * (J @ dq - task.twist[k, : task.rows])
-        u_null = self.avoid(M_inv) - control["null_damping"] * (self.M @ dq)
+        u_null = self.avoid() - control["null_damping"] * (self.M @ dq)
         u_null -= np.asarray(control["posture_stiffness"]) * (q - np.asarray(control["posture"]))
         held: Array = J.T @ (Mx @ (u_task - J @ (M_inv @ u_null))) + u_null + self.gravity
         return held
@@ -63,9 +69,9 @@ class OperationalSpace(Controller):
         mujoco.mju_quat2Vel(angle, relative, 1.0)
         return np.concatenate([self.data.site_xpos[self.tip] - place[:3], angle])
 
-    def avoid(self, M_inv: Array) -> Array:
+    def avoid(self) -> Array:
         """The push of all obstacles on all links, link by link."""
-        push, fromto, reach = np.zeros(len(M_inv)), np.empty(6), self.field["influence"]
+        push, fromto, reach = np.zeros(self.task.arm.n), np.empty(6), self.field["influence"]
         for obstacle in self.obstacles:
             for link in self.links:
                 d = mujoco.mj_geomDistance(self.model, self.data, link, obstacle, reach, fromto)
@@ -76,7 +82,6 @@ class OperationalSpace(Controller):
                 if length == 0.0:
                     continue
                 mujoco.mj_jac(self.model, self.data, self.J_c, None, fromto[:3], self.model.geom_bodyid[link])
-                inertia = np.linalg.pinv(self.J_c @ M_inv @ self.J_c.T, rcond=0.01)
                 force = self.field["gain"] * (1.0 - d / reach) ** 2
-                push += self.J_c.T @ (inertia @ (force / length * away))
+                push += self.J_c.T @ (force / length * away)
         return push
