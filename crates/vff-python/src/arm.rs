@@ -201,11 +201,9 @@ impl Arm {
     /// armature : float or (n,) array_like, optional
     ///     Inertia of the rotors as seen by the joints [kg·m²]; URDF has none.
     /// fix_inertia : bool, optional
-    ///     Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
-    ///     instead of refused.
+    ///     Replace impossible inertia tensors by the nearest possible ones, with a warning.
     /// pieces : int or dict, optional
-    ///     With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links
-    ///     that are named; CoACD cuts a mesh where this keeps its hollows.
+    ///     With ``collision="file"``: the most hulls that a mesh may become, of each link or of those named.
     ///
     /// Raises
     /// ------
@@ -253,19 +251,15 @@ impl Arm {
     /// gravity : (3,) array_like, optional
     ///     In the world [m/s²]; the model's by default.
     /// collision : {"fit", "file", "none"}, optional
-    ///     Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
-    ///     nothing.
+    ///     As in `from_urdf`.
     /// srdf : str or path, optional
-    ///     A file, or the text: pairs of links that it switches off are not measured against each other, and
-    ///     no others. Without it, those whose shapes overlap nearly always are not, with a warning.
+    ///     As in `from_urdf`.
     /// armature : float or (n,) array_like, optional
     ///     Inertia of the rotors as seen by the joints [kg·m²]; the model's by default.
     /// fix_inertia : bool, optional
-    ///     Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
-    ///     instead of refused.
+    ///     Replace impossible inertia tensors by the nearest possible ones, with a warning.
     /// pieces : int or dict, optional
-    ///     With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links
-    ///     that are named; CoACD cuts a mesh where this keeps its hollows.
+    ///     As in `from_urdf`.
     ///
     /// Raises
     /// ------

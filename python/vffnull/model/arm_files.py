@@ -17,8 +17,10 @@ from vffnull.model.document import Document
 
 __all__ = ["anchored", "explicit"]
 
-_READ = ("tip", "base", "locked", "tool", "mount", "gravity", "srdf", "packages", "armature", "fix_inertia")
-_READ += ("pieces",)
+_READ = (
+    *("tip", "base", "locked", "tool", "mount", "gravity"),
+    *("srdf", "packages", "armature", "fix_inertia", "pieces"),
+)
 """What the reader of a URDF is told, and that of an MJCF, which names its meshes itself."""
 
 _FILES = ("urdf", "mjcf")

@@ -8,7 +8,6 @@
 /// # Example
 /// ```
 /// use vff_core::control::SelfMotionMap;
-/// use vff_core::runtime::AnyRun;
 /// use vff_core::scenario::Scenario;
 ///
 /// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
@@ -25,7 +24,7 @@
 ///     motion = { kind = "linear", velocity = [0.0, 0.4, 0.0] }
 ///     "#,
 /// )?;
-/// let mut run = AnyRun::new(&scenario)?;
+/// let mut run = scenario.prepare()?.run;
 /// (0..200).for_each(|_| assert!(run.step()));
 /// let map: SelfMotionMap = run.self_motion_map().expect("a ball comes");
 /// assert_eq!(map.distances.len(), map.places * map.instants);

@@ -436,16 +436,17 @@ mod tests {
     fn a_path_leads_out_of_the_way_where_there_is_one() {
         let robot = panda();
         let away = searched(&robot, vec![ball([-0.05, -0.6, 0.62], [0.0, -0.3, 0.0])]);
-        assert!(!away.has_path());
+        assert!(!away.has_path() && away.map().is_none());
         let through = searched(&robot, vec![ball([-0.05, -0.6, 0.62], [0.0, 0.4, 0.0])]);
         assert!(through.has_path() && through.is_clear());
-        let distance = |(k, place): (usize, &usize)| through.grid.distance(*place, k);
-        let kept: Vec<f64> = through.places.iter().enumerate().map(distance).collect();
+        let map = through.map().unwrap();
+        assert_eq!(map.path[0], through.grid.middle());
+        let at = |place: usize, k: usize| map.distances[place * map.instants + k];
+        let kept: Vec<f64> = map.path.iter().enumerate().map(|(k, place)| at(*place, k)).collect();
         let least = |kept: &[f64]| kept.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(least(&kept[..=through.soon]) >= through.margin, "{kept:?}");
         assert!(least(&kept) >= PASSED * through.margin, "{kept:?}");
-        let stays =
-            (0..through.places.len()).map(|k| through.grid.distance(through.grid.middle(), k));
+        let stays = (0..map.instants).map(|k| at(through.grid.middle(), k));
         assert!(stays.fold(f64::INFINITY, f64::min) < 0.0);
         let mut search = through;
         let mut velocity = [0.0; 7];
