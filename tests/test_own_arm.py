@@ -97,7 +97,7 @@ def test_fits_are_kept(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("terminal", [True, False])
 def test_a_bar_is_shown_while_shapes_are_fitted(
-    terminal: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    terminal: bool, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In a terminal alone; it counts every link, and is there while the first is fitted."""
     told: list[tuple[float, float]] = []
