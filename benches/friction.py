@@ -3,6 +3,8 @@
     python benches/friction.py            writes the table of docs/friction.md
     python benches/friction.py --seed 1   with other random numbers, prints it
 
+Needs `pip install ".[mujoco]"`.
+
 Three arms, four ways of giving way. The plant has dry friction of a hundredth of the largest torque of a
 joint, and half as much viscous friction at 1 rad/s; the controller makes up for 70, 100 or 130 % of both. The
 hand carries 0.5, 1 or 1.5 kg, off by 5 cm, which the controller does not know of. Velocities have noise of
