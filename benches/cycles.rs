@@ -93,14 +93,14 @@ fn methods() -> [Method; 4] {
 }
 
 /// Times of the single steps of `runs` equal runs \[ns\], and the least of every step in all of them: what the step itself
-/// takes, whatever else the machine did meanwhile.
-fn times(scenario: &Scenario, runs: usize) -> [Vec<u64>; 2] {
+/// takes, whatever else the machine did meanwhile. What `begin` returns takes a step, and says whether there was one.
+fn times<F: FnMut() -> bool>(runs: usize, begin: impl Fn() -> F) -> [Vec<u64>; 2] {
     let (mut all, mut least) = (vec![], vec![u64::MAX; STEPS as usize]);
     for _ in 0..runs {
-        let mut run = prepare(scenario);
+        let mut step = begin();
         for least in &mut least {
             let start = Instant::now();
-            if !black_box(run.step()) {
+            if !black_box(step()) {
                 break;
             }
             let time = start.elapsed().as_nanos() as u64;
@@ -114,21 +114,9 @@ fn times(scenario: &Scenario, runs: usize) -> [Vec<u64>; 2] {
     [all, least]
 }
 
-/// The same of something that takes some ten microseconds and is always the same: what the machine does meanwhile.
-fn times_of_nothing(runs: usize) -> [Vec<u64>; 2] {
-    let (mut all, mut least) = (vec![], vec![u64::MAX; STEPS as usize]);
-    for _ in 0..runs {
-        for least in &mut least {
-            let start = Instant::now();
-            black_box((0..1000).fold(black_box(2.0_f64), |x, _| (x + 1.0).sqrt()));
-            let time = start.elapsed().as_nanos() as u64;
-            all.push(time);
-            *least = time.min(*least);
-        }
-    }
-    all.sort_unstable();
-    least.sort_unstable();
-    [all, least]
+/// A step of some ten microseconds that is always the same: by it one sees what the machine does meanwhile.
+fn a_thousand_roots() -> bool {
+    black_box((0..1000).fold(black_box(2.0_f64), |x, _| (x + 1.0).sqrt())) > 0.0
 }
 
 /// The time \[µs\] that so many per cent of these \[ns\] stay within.
@@ -165,7 +153,11 @@ fn main() {
         let shares = of_all.iter().chain(&of_least).map(|time| format!("{time:10.1}"));
         shares.collect::<String>()
     };
-    println!("{:58}{}", "a thousand roots, one after the other", shown(times_of_nothing(runs)));
+    println!(
+        "{:58}{}",
+        "a thousand roots, one after the other",
+        shown(times(runs, || a_thousand_roots))
+    );
     for (name, scenario) in scenes() {
         for (method, how) in methods() {
             let scenario = silent(how(scenario.clone()));
@@ -186,7 +178,10 @@ fn main() {
             };
             let names = ["late_cycles", "cut_cycles", "rollouts_left_out", "min_clearance"];
             let told = names.map(told).join(" ");
-            let shares = shown(times(&scenario, runs));
+            let shares = shown(times(runs, || {
+                let mut run = prepare(&scenario);
+                move || run.step()
+            }));
             let work = work as f64 * 1e-3;
             println!("{:58}{shares}{work:10.1}  {told}", format!("{name}, {method}"));
         }

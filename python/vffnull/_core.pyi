@@ -1102,16 +1102,7 @@ class Live:
         measured; none without such cameras.
         """
     def self_motion_map(self) -> SelfMotionMap | None:
-        """What the search of the self-motion has found last (`yielding.preview.self_motion`); None without
-        one, and while nothing comes near.
-
-        ``distances`` (places, instants) [m]: the smallest distance of every posture along the self-motion,
-        that at which the search began in the middle, at every instant from then on; infinite beyond
-        ``clearance`` [m], NaN where there is no posture or nobody can be that early. ``path``
-        (instants,): the places along the path that is followed, which keeps ``margin`` [m]; empty where
-        there is none. ``spacing`` from place to place [rad], ``step`` from instant to instant [s],
-        ``elapsed`` since the search began [s].
-        """
+        """What the search of the self-motion has found last; see `Simulation.self_motion_map`."""
     def snapshot(self) -> LiveState:
         """The present instant."""
     @property

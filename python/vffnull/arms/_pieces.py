@@ -17,7 +17,7 @@ from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.arms._hulls import Hull, simplified
 
-__all__ = ["WAY", "enclosing", "outside"]
+__all__ = ["WAY", "check", "enclosing", "outside"]
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,12 @@ WAY = 1
 
 SPACING = 1 / 160
 """How long the edges are of triangles that lie across a cut, as a share of the surface's diagonal."""
+
+
+def check(name: str, count: object) -> None:
+    """Refuse what is no number of pieces."""
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise InputError(f"{name}: expected a whole number of at least 1, got {count!r}")
 
 
 def enclosing(surface: Any, count: int) -> list[Hull]:
@@ -50,23 +56,14 @@ def enclosing(surface: Any, count: int) -> list[Hull]:
     scipy.spatial.QhullError
         If the surface is flat.
     """
-    points, faces = np.asarray(surface.vertices, float), np.asarray(surface.faces)
     if count == 1:
-        return [simplified(Hull(points))]
-    parts = _cut(surface, count)
-    hulls = [Hull(part) for part in parts]
-    across = _beyond(hulls, points, faces).min(axis=0) > 0.0
-    if across.any():
-        longest = SPACING * float(np.linalg.norm(surface.extents))
-        trimesh = extra("trimesh", "meshes")
-        points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
-        beyond = _beyond(hulls, points, faces)
-        nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
-        added = (np.unique(faces[nearest == k]) for k in range(len(hulls)))
-        hulls = [
-            Hull(np.vstack([hull.corners, points[each]])) for hull, each in zip(hulls, added, strict=True)
-        ]
-    return [simplified(hull) for hull in hulls]
+        return [simplified(Hull(np.asarray(surface.vertices, float)))]
+    hulls = [Hull(part) for part in _cut(surface, count)]
+    points, faces, beyond = _across(hulls, surface)
+    nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
+    added = (np.unique(faces[nearest == k]) for k in range(len(hulls)))
+    wide = (np.vstack([hull.corners, points[each]]) for hull, each in zip(hulls, added, strict=True))
+    return [simplified(Hull(each)) for each in wide]
 
 
 def outside(hulls: Sequence[Hull], surface: Any) -> float:
@@ -74,14 +71,23 @@ def outside(hulls: Sequence[Hull], surface: Any) -> float:
 
     Of a triangle that lies within none it is what a corner of it is outside.
     """
+    *_, beyond = _across(hulls, surface)
+    return float(beyond.min(axis=0).max())
+
+
+def _across(hulls: Sequence[Hull], surface: Any) -> tuple[Array, NDArray[Any], Array]:
+    """Vertices and triangles of a surface, and how far these are outside of each hull; where some lie within
+    none of several hulls, those alone, cut into small ones.
+    """
     points, faces = np.asarray(surface.vertices, float), np.asarray(surface.faces)
-    beyond = _beyond(hulls, points, faces).min(axis=0)
-    if (across := beyond > 0.0).any() and len(hulls) > 1:
-        longest = SPACING * float(np.linalg.norm(surface.extents))
-        trimesh = extra("trimesh", "meshes")
-        points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
-        beyond = _beyond(hulls, points, faces).min(axis=0)
-    return float(beyond.max())
+    beyond = _beyond(hulls, points, faces)
+    across = beyond.min(axis=0) > 0.0
+    if len(hulls) == 1 or not across.any():
+        return points, faces, beyond
+    longest = SPACING * float(np.linalg.norm(surface.extents))
+    trimesh = extra("trimesh", "meshes")
+    points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
+    return points, faces, _beyond(hulls, points, faces)
 
 
 def _beyond(hulls: Sequence[Hull], points: Array, faces: NDArray[Any]) -> Array:

@@ -17,6 +17,7 @@ from vffnull._support.errors import InputError, InputTypeError, ScenarioWarning
 from vffnull.arms._as_given import Item, as_given, joined, name_of
 from vffnull.arms._frames import frame, matrix
 from vffnull.arms._meshes import MissingMeshError
+from vffnull.arms._pieces import check
 from vffnull.arms._report import Report
 from vffnull.model.arm import listed, unshaped
 
@@ -220,9 +221,7 @@ def _counts(pieces: Any, collision: Collision, geometry: Sequence[Item]) -> Call
     """From a link to the most hulls that each of its meshes may become."""
     each = {"": pieces} if not isinstance(pieces, Mapping) else pieces
     for link, count in each.items():
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            name = f"pieces[{link!r}]" if link else "pieces"
-            raise InputError(f"{name}: expected a whole number of at least 1, got {count!r}")
+        check(f"pieces[{link!r}]" if link else "pieces", count)
     if collision != "file" and any(count > 1 for count in each.values()):
         raise InputError("pieces: only the meshes of collision='file' are cut")
     if not isinstance(pieces, Mapping):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
-from vffnull.arms._pieces import enclosing, outside
+from vffnull.arms._pieces import check, enclosing, outside
 from vffnull.model.document import frozen
 from vffnull.model.world import Obstacle
 
@@ -109,8 +109,7 @@ def enclose(
     vffnull.errors.InputError
         If the file cannot be read, holds nothing that encloses a volume, or CoACD cannot cut it.
     """
-    if isinstance(pieces, bool) or not isinstance(pieces, int) or pieces < 1:
-        raise InputError(f"pieces: expected a whole number of at least 1, got {pieces!r}")
+    check("pieces", pieces)
     factors = np.asarray(scale, float)
     if factors.shape not in ((), (3,)) or not np.all(np.isfinite(factors)) or np.any(factors <= 0.0):
         raise InputError(f"scale: expected one or three positive numbers, got {scale!r}")

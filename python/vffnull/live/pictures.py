@@ -16,27 +16,41 @@ WIDTH = 640
 """How wide the picture is drawn at least [pixels]: a browser would blur a few of them."""
 
 
-class Pictures:
-    """An image in the present container of the page, which is there while there are pictures."""
+class Picture:
+    """An image in the present container of the page, which is there while there is something to be seen."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server: viser.ViserServer, label: str) -> None:
         nothing = np.zeros((1, 1, 3), np.uint8)
-        self._image = server.gui.add_image(nothing, label="Depth cameras", format="png", visible=False)
-        self._far = 0.0
+        self._image = server.gui.add_image(nothing, label=label, format="png", visible=False)
 
     def clear(self) -> None:
         """Begin anew."""
         self._image.visible = False
+
+    def draw(self, drawn: NDArray[np.uint8]) -> None:
+        """Show this from now on."""
+        if not np.array_equal(drawn, self._image.image):  # a browser rests while nothing moves
+            self._image.image = drawn
+        self._image.visible = True
+
+
+class Pictures(Picture):
+    """Those of the depth cameras."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        super().__init__(server, "Depth cameras")
+        self._far = 0.0
+
+    def clear(self) -> None:
+        """Begin anew."""
+        super().clear()
         self._far = 0.0
 
     def show(self, pictures: Sequence[NDArray[np.float32]]) -> None:
         """Show pictures (rows, columns) [m], 0 where nothing was measured, up to the farthest so far."""
         if pictures:
             self._far = max(self._far, *(float(each.max()) for each in pictures))
-            drawn = side_by_side(pictures, self._far)
-            if not np.array_equal(drawn, self._image.image):  # a browser rests while nothing moves
-                self._image.image = drawn
-            self._image.visible = True
+            self.draw(side_by_side(pictures, self._far))
 
 
 def side_by_side(pictures: Sequence[NDArray[np.float32]], far: float) -> NDArray[np.uint8]:

@@ -8,6 +8,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from vffnull.live.pictures import WIDTH, Picture
+
 if TYPE_CHECKING:
     from vffnull._core import SelfMotionMap
 
@@ -17,30 +19,22 @@ CONTACT, MARGIN, CLEAR = (213, 94, 0), (240, 228, 66), (0, 70, 110)
 NOTHING = (120, 124, 130)
 """Where there is no posture, or nobody can be that early."""
 PATH, AROUND = (255, 255, 255), (0, 0, 0)
-WIDTH, HEIGHT = 640, 160
-"""How large the picture is drawn at least [pixels]."""
+HEIGHT = 160
+"""How high the picture is drawn at least [pixels]."""
 
 
-class SelfMotionPicture:
-    """An image in the present container of the page, which is there while something comes near."""
+class SelfMotionPicture(Picture):
+    """What the search has found last, while something comes near."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        nothing = np.zeros((1, 1, 3), np.uint8)
-        self._image = server.gui.add_image(nothing, label=LABEL, format="png", visible=False)
-
-    def clear(self) -> None:
-        """Begin anew."""
-        self._image.visible = False
+        super().__init__(server, LABEL)
 
     def show(self, found: SelfMotionMap | None) -> None:
         """Show what was found last; while nothing comes near there is nothing to be seen."""
         if found is None:
             self.clear()
-            return
-        drawn = picture(found)
-        if not np.array_equal(drawn, self._image.image):  # a browser rests while nothing moves
-            self._image.image = drawn
-        self._image.visible = True
+        else:
+            self.draw(picture(found))
 
 
 def picture(found: SelfMotionMap) -> NDArray[np.uint8]:

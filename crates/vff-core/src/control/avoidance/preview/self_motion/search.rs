@@ -186,6 +186,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     pub fn reset(&mut self) {
         (self.elapsed, self.since) = (f64::INFINITY, f64::INFINITY);
         self.stage = Stage::Rest;
+        self.find_nothing();
+    }
+
+    /// There is no path, and nothing to be looked at.
+    fn find_nothing(&mut self) {
         (self.follows, self.has_found) = (false, false);
     }
 
@@ -259,7 +264,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         let middle = self.grid.middle();
         let is_placed = self.grid.begin(robot, surroundings, &|s| reference(s).x);
         if !is_placed || !self.grid.has_obstacles() {
-            (self.follows, self.has_found) = (false, false);
+            self.find_nothing();
             return;
         }
         self.speed = self.grid.speed_along(&self.velocity) * self.grid.step() / self.grid.spacing();
@@ -267,7 +272,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         let instants = self.places.len();
         // No posture is not near.
         if !(0..instants).any(|k| self.grid.distance(middle, k) < self.clearance) {
-            (self.follows, self.has_found) = (false, false);
+            self.find_nothing();
             return;
         }
         self.stage = Stage::Postures { is_forward: true, done: 0 };
@@ -322,16 +327,20 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     /// Takes the cheapest path as the one to be followed.
     fn finish(&mut self) {
         self.stage = Stage::Rest;
-        let Self { grid, places, path, cheapest, .. } = self;
-        let reached = cheapest.trace(places);
+        let reached = self.cheapest.trace(&mut self.places);
         // Without a first step there is nothing to follow.
         self.follows = reached > 0;
-        path.elapsed = self.elapsed;
-        self.has_found = true;
-        if !self.follows {
-            grid.exchange_distances(&mut self.found);
-            return;
+        self.path.elapsed = self.elapsed;
+        if self.follows {
+            self.take(reached);
         }
+        self.grid.exchange_distances(&mut self.found);
+        self.has_found = true;
+    }
+
+    /// Follows the path that has been traced, which leads on until so many instants are over.
+    fn take(&mut self, reached: usize) {
+        let Self { grid, places, path, .. } = self;
         let n = self.q.len();
         for (k, (place, posture)) in
             places.iter().zip(path.postures.chunks_exact_mut(n)).enumerate()
@@ -347,7 +356,6 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             .map(|(k, place)| grid.distance(*place, k));
         let least = soon.fold(f64::INFINITY, f64::min);
         path.distance = if reached < self.soon { f64::NEG_INFINITY } else { least };
-        grid.exchange_distances(&mut self.found);
     }
 
     /// What the last search has found; None while nothing comes near. Allocates.
