@@ -23,6 +23,7 @@ mod moving_posture;
 pub mod observer;
 pub mod operational_space;
 pub mod output;
+mod push_of_many;
 pub mod quadratic_program;
 pub mod reaction;
 pub mod sampling;

@@ -1,6 +1,8 @@
 //! How long a torque may be held: the sampled bounds of the null space (T31, T34).
 
+use super::push_of_many::{ratios, to_the_seventh};
 use super::{Gains, OperationalSpace};
+use crate::field::{Field, Response};
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::{Vector, dot};
@@ -61,16 +63,22 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
             springs.push(Spring { column, compliance, stiffness, clearance });
         }
     };
+    let mut pair = None;
+    let mut of_a_pair = vec![];
     surroundings.for_each_contact(
         robot.bodies(),
         gains.field.influence,
         |_, _| {},
         |contact| {
-            let mut column = vec![0.0; n];
-            robot.point_jacobian_tr_mul(contact.link, &contact.point, &contact.normal, &mut column);
-            add(column, gains.field.at(contact.distance).stiffness, contact.distance);
+            if pair.replace(contact.pair()) != Some(contact.pair()) {
+                add_springs(&gains.field, std::mem::take(&mut of_a_pair), &mut add);
+            }
+            let mut row = vec![0.0; n];
+            robot.point_jacobian_tr_mul(contact.link, &contact.point, &contact.normal, &mut row);
+            of_a_pair.push((row, contact.distance));
         },
     );
+    add_springs(&gains.field, of_a_pair, &mut add);
     if let Some(field) = &gains.joint_limit_field {
         for (i, [lower, upper]) in robot.limits().joint.iter().enumerate() {
             let q = robot.configuration()[i];
@@ -89,6 +97,35 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
     }
     let Spring { stiffness, clearance, .. } = springs[spring];
     bound(n, gains, together, stiffness, clearance)
+}
+
+/// The springs that a field is between a body and an obstacle, of whose contacts these are the rows J_cᵀn̂ and the distances \[m\]: one
+/// for one contact. That of many is the second derivative of their potential U (T192), with u = U_k / U: springs of u⁷ U_k'' along
+/// each row, and of 7 u⁶ F_k² / U along that less its part in the joint push.
+fn add_springs(
+    field: &Field,
+    of_a_pair: Vec<(Vec<f64>, f64)>,
+    add: &mut impl FnMut(Vec<f64>, f64, f64),
+) {
+    if of_a_pair.len() < 2 {
+        let one = of_a_pair.into_iter();
+        return one.for_each(|(row, d)| add(row, field.at(d).stiffness, d));
+    }
+    let potentials: Vec<f64> = of_a_pair.iter().map(|(_, d)| field.at(*d).potential).collect();
+    let (norm, ratios) = ratios(&potentials);
+    let mut push = vec![0.0; of_a_pair[0].0.len()];
+    for ((row, d), u) in of_a_pair.iter().zip(&ratios) {
+        let weight = to_the_seventh(*u) * field.at(*d).force;
+        push.iter_mut().zip(row).for_each(|(push, row)| *push += weight * row);
+    }
+    for ((row, d), u) in of_a_pair.into_iter().zip(ratios) {
+        let Response { force, stiffness, .. } = field.at(d);
+        if force > 0.0 {
+            let beside = row.iter().zip(&push).map(|(row, push)| row - u / force * push).collect();
+            add(beside, 7.0 * u.powi(6) * force * force / norm, d);
+        }
+        add(row, to_the_seventh(u) * stiffness, d);
+    }
 }
 
 /// Numbers that the springs may be made of: a matrix of as many is soon decomposed.
@@ -233,7 +270,65 @@ struct Spring {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::FieldKind;
     use crate::math::Noise;
+
+    /// The springs of many points are the second derivatives of their potential, but for what turning normals add.
+    #[test]
+    fn springs_of_many_contacts() {
+        let field = Field { kind: FieldKind::Bounded, gain: 40.0, influence: 0.3, ..Field::OFF };
+        let mut noise = Noise::new(9, 0);
+        for count in [1, 2, 7, 30] {
+            let points: Vec<Vector<3>> = (0..count)
+                .map(|_| {
+                    Vector::<3>::from_fn(|i, _| {
+                        f64::from(u8::from(i == 0)) * 0.3 + 0.1 * noise.draw()
+                    })
+                })
+                .collect();
+            let reach = |x: &Vector<3>, p: &Vector<3>| ((x - p).normalize(), (x - p).norm() - 0.05);
+            let potential = |x: Vector<3>| {
+                let each: Vec<f64> =
+                    points.iter().map(|p| field.at(reach(&x, p).1).potential).collect();
+                ratios(&each).0
+            };
+            let here = Vector::<3>::zeros();
+            let rows = points.iter().map(|p| {
+                let (normal, d) = reach(&here, p);
+                (normal.as_slice().to_vec(), d)
+            });
+            let mut found = DMatrix::<f64>::zeros(3, 3);
+            add_springs(&field, rows.collect(), &mut |row, stiffness, _| {
+                assert!(stiffness >= 0.0);
+                let row = DVector::from_vec(row);
+                found.ger(stiffness, &row, &row, 1.0);
+            });
+            let each: Vec<f64> =
+                points.iter().map(|p| field.at(reach(&here, p).1).potential).collect();
+            for (p, u) in points.iter().zip(ratios(&each).1) {
+                let (normal, d) = reach(&here, p);
+                let across =
+                    DMatrix::identity(3, 3) - DMatrix::from_fn(3, 3, |a, b| normal[a] * normal[b]);
+                found -= across * (to_the_seventh(u) * field.at(d).force / (d + 0.05));
+            }
+            let h = 1e-4;
+            let at = |a: usize, b: usize, s: [f64; 2]| {
+                let mut x = here;
+                x[a] += h * s[0];
+                x[b] += h * s[1];
+                potential(x)
+            };
+            for (a, b) in (0..9).map(|k| (k / 3, k % 3)) {
+                let corners = at(a, b, [1.0, 1.0]) - at(a, b, [1.0, -1.0]) - at(a, b, [-1.0, 1.0])
+                    + at(a, b, [-1.0, -1.0]);
+                let second = corners / (4.0 * h * h);
+                assert!(
+                    (second - found[(a, b)]).abs() < 1e-3 * (1.0 + found.norm()),
+                    "{count}: {second} {found}"
+                );
+            }
+        }
+    }
 
     /// Springs in joint space have the mode that they have among themselves, and the same one has the largest part.
     #[test]

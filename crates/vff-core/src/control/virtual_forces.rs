@@ -2,6 +2,7 @@
 
 use super::distance::OwnPair;
 use super::force::is_pressed;
+use super::push_of_many::{Joined, Part, PushOfMany};
 use super::settings::SelfCollision;
 use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
@@ -62,6 +63,15 @@ pub struct VirtualForces<W, const D: usize> {
     /// From the first to the last link that is pushed: resultants, magnitudes and wrenches of all
     /// others are zero.
     pushed: Range<usize>,
+}
+
+/// What a field does about the motion of link and obstacle.
+struct Reaction<const D: usize> {
+    /// The force that slides past \[N\].
+    slide: Vector<D>,
+    /// The one that damps the approach along the normal \[N\], and its power ≤ 0 \[W\].
+    damping: f64,
+    power: f64,
 }
 
 impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
@@ -138,7 +148,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// Sums the field over all pairs (T26), but what the tip presses on in the direction `pressed`: nearest-only would jump when
-    /// another pair becomes nearest.
+    /// another pair becomes nearest. Obstacles of many contacts push as [`PushOfMany`] says.
     pub fn refresh<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -158,11 +168,26 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let bodies = robot.bodies();
         let mut clearance = std::mem::take(&mut self.clearance);
         let nearest = |link: usize, d: f64| keep_least(&mut clearance[link], d);
-        surroundings.for_each_contact(bodies, influence, nearest, |contact| {
-            if !is_pressed(robot, pressed, contact) {
-                self.push(robot, space, field, contact);
+        if surroundings.contact_count() > surroundings.obstacle_count() {
+            let mut many = PushOfMany::new();
+            surroundings.for_each_contact(bodies, influence, nearest, |contact| {
+                if !is_pressed(robot, pressed, contact) {
+                    let part = self.part(robot, space, field, contact);
+                    if let Some(before) = many.add(contact, &part) {
+                        self.push_joined(robot, &before);
+                    }
+                }
+            });
+            if let Some(last) = many.finish() {
+                self.push_joined(robot, &last);
             }
-        });
+        } else {
+            surroundings.for_each_contact(bodies, influence, nearest, |contact| {
+                if !is_pressed(robot, pressed, contact) {
+                    self.push(robot, space, field, contact);
+                }
+            });
+        }
         self.clearance = clearance;
         if gains.self_collision != SelfCollision::Ignore {
             let avoid = gains.self_collision == SelfCollision::Avoid;
@@ -200,7 +225,15 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let response = field.at(contact.distance);
         let mut force = response.force;
         if field.feels_motion() {
-            force += self.react(robot, space, field, contact, response);
+            let Reaction { slide, damping, power } =
+                self.react(robot, space, field, contact, response);
+            if field.sliding > 0.0 {
+                self.obstacle_power += slide.dot(&contact.velocity);
+                self.resultant[*link] += slide;
+                robot.add_force(&mut self.wrenches, *link, point, &slide);
+            }
+            self.approach_power += power;
+            force += damping;
         }
         self.potential += response.potential;
         self.obstacle_power += force * normal.dot(&contact.velocity);
@@ -209,8 +242,40 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot.add_force(&mut self.wrenches, *link, point, &force);
     }
 
-    /// What the field does about the motion of link and obstacle: adds the force that slides past, and
-    /// returns the one that damps their approach. Not inlined, for most fields have neither and the loop over
+    /// The part of one contact in what an obstacle of many pushes with.
+    fn part<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        contact: &Contact<D>,
+    ) -> Part<D> {
+        let response = field.at(contact.distance);
+        let mut force = contact.normal * response.force;
+        let mut damped = 0.0;
+        if field.feels_motion() {
+            let Reaction { slide, damping, power } =
+                self.react(robot, space, field, contact, response);
+            force += slide + contact.normal * damping;
+            damped = power;
+        }
+        let powers = [force.dot(&contact.velocity), damped];
+        Part { potential: response.potential, point: contact.point, force, powers }
+    }
+
+    /// Adds what all contacts of a body with one obstacle push with.
+    fn push_joined<R: Robot<D, Wrench = W>>(&mut self, robot: &R, joined: &Joined<D>) {
+        let Joined { link, part: Part { potential, point, force, powers }, moment } = joined;
+        self.push_link(*link);
+        self.potential += potential;
+        self.obstacle_power += powers[0];
+        self.approach_power += powers[1];
+        self.resultant[*link] += force;
+        robot.add_force(&mut self.wrenches, *link, point, force);
+        robot.add_torque(&mut self.wrenches, *link, moment);
+    }
+
+    /// What the field does about the motion of link and obstacle. Not inlined, for most fields do nothing and the loop over
     /// the pairs needs the registers.
     #[inline(never)]
     fn react<R: Robot<D, Wrench = W>, const M: usize>(
@@ -220,24 +285,23 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         field: &Field,
         contact: &Contact<D>,
         response: Response,
-    ) -> f64 {
+    ) -> Reaction<D> {
         let Contact { link, point, normal, .. } = contact;
         let u = robot.point_velocity(*link, point) - contact.velocity;
-        if field.sliding > 0.0 {
-            let force = field.slide(contact.distance, normal, &u);
-            self.obstacle_power += force.dot(&contact.velocity);
-            self.resultant[*link] += force;
-            robot.add_force(&mut self.wrenches, *link, point, &force);
-        }
+        let slide = if field.sliding > 0.0 {
+            field.slide(contact.distance, normal, &u)
+        } else {
+            Vector::zeros()
+        };
         let closing = -normal.dot(&u); // −ḋ
         if field.approach_damping > 0.0 && closing > 0.0 {
             robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
             let mobility = robot.point_mobility(*link, point, normal);
             let damping = self.damping(robot, space, field, contact.distance, response, mobility);
-            self.approach_power -= damping * closing * closing;
-            return damping * closing;
+            let power = -(damping * closing * closing);
+            return Reaction { slide, damping: damping * closing, power };
         }
-        0.0
+        Reaction { slide, damping: 0.0, power: 0.0 }
     }
 
     /// Bodies that must not touch each other, each pair measured and, within `reach`, pushed apart like body
@@ -258,7 +322,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
                 (self.self_clearance, self.nearest_pair) = (distance, pair.links);
             }
             if distance < reach {
-                self.part(robot, space, field, pair);
+                self.push_apart(robot, space, field, pair);
             }
             self.self_clearance.max(reach)
         });
@@ -266,7 +330,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// Pushes two bodies of the arm apart.
-    fn part<R: Robot<D, Wrench = W>, const M: usize>(
+    fn push_apart<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,

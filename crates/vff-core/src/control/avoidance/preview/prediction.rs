@@ -173,6 +173,11 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
         self.obstacles.len()
     }
 
+    /// Where one of all obstacles has many contacts, one of these may.
+    fn contact_count(&self) -> usize {
+        self.obstacles.len() + self.surroundings.most_contacts() - self.surroundings.count()
+    }
+
     fn for_each_contact<'a>(
         &mut self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
