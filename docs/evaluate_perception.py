@@ -21,18 +21,20 @@ from vffnull.evaluation.table import wilson
 from vffnull.run import evaluate as evaluating
 
 DOCS = Path(__file__).resolve().parent
-FIRST = scenes.EVALUATION.start + 20
+FIRST = scenes.EVALUATION.start + 30
 COUNT, ARMS, TASKS = 10, ("panda", "iiwa14"), ("position", "pose")
 AT_ONCE = 16  # scenes, so that the points that are recorded fit into memory
 LAW = evaluation.CONTROLLERS["cbf + preview"]
-# Every point of a cloud pushes, and what is cut away as the arm comes no nearer than that in the cloud.
-OF_CLOUDS = {"controller.field.gain": 5.0, "controller.yielding.margin": 0.03}
+# What is cut away as the arm comes no nearer than that in the cloud.
+OF_CLOUDS = {"controller.yielding.margin": 0.03}
+# As much larger than the reach of the arms as bodies go within the look-ahead.
+ROOM = [[-2.0, -2.0, -0.5], [2.0, 2.0, 2.0]]
 PLACES: list[dict[str, Any]] = [  # 1.4 m from the middle of the room, one before the arm, one behind it
     {"position": [1.1, 0.9, 1.1], "orientation": [0.2215, -0.3413, -0.7663, 0.4973], "field_of_view": 1.5},
     {"position": [-0.8, -0.9, 1.2], "orientation": [0.4702, -0.7953, 0.3294, -0.1948], "field_of_view": 1.5},
 ]
-PERCEIVER = {"voxel": 0.03, "stride": 1, "least_points": 1, "most_voxels": 1500}
-PERCEIVER |= {"track_error": 0.005, "hidden": 0.3}
+PERCEIVER = {"voxel": 0.03, "stride": 1, "least_points": 1, "most_voxels": 3000}
+PERCEIVER |= {"track_error": 0.005, "hidden": 0.3, "room": ROOM}
 EXACT = OF_CLOUDS | {
     "perception": {
         "kind": "depth",

@@ -76,6 +76,17 @@ def _solid(scene: vff.Scenario, **contact: Any) -> Changes:
     return {"obstacles": [each | {"contact": contact} for each in scene.to_dict().get("obstacles", [])]}
 
 
+def _order(scene: vff.Scenario) -> Changes:
+    """All parts of the task that there are, one after the other."""
+    turns = {
+        "position": [],
+        "pointing": ["orientation"],
+        "pose": _of_dimension(scene, ["orientation"], ["turn", "orientation"]),
+    }
+    task = scene.to_dict()["controller"].get("task", "position")
+    return {"controller.yielding.order": [*turns[task], "approach", "position"]}
+
+
 def _cloud(scene: vff.Scenario) -> Changes:
     """Balls as clouds of points on a spiral, a few centimetres apart."""
     obstacles = [dict(each) for each in scene.to_dict().get("obstacles", [])]
@@ -195,6 +206,7 @@ OPTIONS: dict[str, Option] = {
     "smooth motion": Option(_smooth),
     "governor": Option(lambda _: {"controller.governor": {}}),
     "replanning": Option(lambda _: {"replan": {}}, ("needs a reference that is a plan",)),
+    "order": Option(_order),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
     "observer": Option(
         lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"task": "reject"}}
@@ -238,7 +250,7 @@ OPTIONS: dict[str, Option] = {
     ),
     "felt": Option(_solid, exact=False),
     "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
-    "clouds": Option(_cloud, yields_less=True),  # every point pushes
+    "clouds": Option(_cloud),
     "boxes on links": Option(lambda scene: _boxes(scene) if scene.arm.dimension == 3 else {}),
     "Runge-Kutta": Option(lambda _: {"simulation.integrator": "rk4"}),
     "Euler": Option(lambda _: {"simulation.integrator": "semi_implicit_euler"}),

@@ -949,6 +949,9 @@ class State:
     def yielded(self) -> float | None:
         """How far the end effector gives way to a push [m]; None where it never does."""
     @property
+    def released(self) -> float | None:
+        """How many parts of its task the look-ahead lets go, in their `order`; None without both."""
+    @property
     def tau_ext_estimate(self) -> _Array | None:
         """Torque that the model does not know, as estimated, (n,) [N·m]; None without an observer."""
     @property

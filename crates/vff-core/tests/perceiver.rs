@@ -224,6 +224,36 @@ fn what_grows_to_both_sides_does_not_move_aside() {
     assert!(cut > 3, "{cut}");
 }
 
+/// One ball circles while others come and go near by: it stays the same body, since one that was not seen for long, and may be
+/// anywhere by now, is hardly just there; and after `memory` nobody looks for that any more.
+#[test]
+fn a_body_is_not_taken_for_one_that_went() {
+    let eye = camera(2);
+    let settings = PerceiverSettings { memory: 1.0, ..PerceiverSettings::default() };
+    let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
+    let circling = |t: f64| ball([0.4 + 0.15 * (3.0 * t).cos(), 0.15 * (3.0 * t).sin(), 0.5], 0.05);
+    let mut number = None;
+    for k in 0..300 {
+        let t = PERIOD * f64::from(k);
+        let mut things = vec![circling(t)];
+        // Every second another one passes for a fifth of it.
+        let after = t.fract();
+        if after < 0.2 {
+            things.push(ball([0.1, 0.3 - after, 0.6], 0.06));
+        }
+        show(&mut perceiver, &eye, t, &things);
+        let tracks = perceiver.tracks();
+        assert!(tracks.iter().all(|track| t - track.time <= 1.0), "{k}: {tracks:?}");
+        assert!(tracks.len() < 5, "{k}: {tracks:?}");
+        if k >= 5 {
+            let there = circling(t).a;
+            let seen = |track: &&Track| track.time == t && (track.position - there).norm() < 0.1;
+            let found = tracks.iter().find(seen).expect("it is followed").number;
+            assert_eq!(*number.get_or_insert(found), found, "{k}: {tracks:?}");
+        }
+    }
+}
+
 /// Two cameras take turns: each follows the ball by itself, and at the time of the last picture the points of both are on it.
 #[test]
 fn two_cameras_see_one_ball() {

@@ -367,6 +367,7 @@ pub struct State {
     wrench_estimate: Vec<f64>,
     touched_link: Option<usize>,
     yielded: Option<f64>,
+    released: Option<f64>,
     sensed: Vec<f64>,
 }
 
@@ -392,6 +393,7 @@ impl From<Snapshot<'_>> for State {
             wrench_estimate: s.wrench_estimate.unwrap_or_default().to_vec(),
             touched_link: s.touched_link.filter(|link| *link < s.q.len()),
             yielded: s.yielded,
+            released: s.released,
             sensed: written(s.sensed),
         }
     }
@@ -514,6 +516,12 @@ impl State {
     #[getter]
     fn yielded(&self) -> Option<f64> {
         self.yielded
+    }
+
+    /// How many parts of its task the look-ahead lets go, in their `order`; None without both.
+    #[getter]
+    fn released(&self) -> Option<f64> {
+        self.released
     }
 
     /// Points that the range sensors have met, (rays, 2) [m], NaN for none; None without sensors.

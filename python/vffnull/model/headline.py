@@ -110,6 +110,8 @@ def findings(
     yield from _contacts(facts, arm)
     yield from _touched(facts, arm)
     yield from _limits(facts, arm, slides)
+    if released := facts.get("released_time"):
+        yield Finding("let go", "odd", f"the look-ahead let go parts of the task for {released:.3g} s")
     off, turned = facts.get("end_error") or 0.0, facts.get("end_orientation_error") or 0.0
     missed = [f"{_length(off)} off"] if off > _LOST else []
     missed += [f"turned {math.degrees(turned):.1f}° from"] if turned > _TURNED else []

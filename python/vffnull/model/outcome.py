@@ -201,6 +201,7 @@ class Outcome:
     contact_deviation: Array | None = None
     contact_threshold: Array | None = None
     yielded: Array | None = None
+    released: Array | None = None
     slack: Array | None = None
     path_time: Array | None = None
     q_plan: Array | None = None

@@ -70,6 +70,7 @@ QUANTITIES: dict[str, Quantity] = {
         "N·m", "what the estimate has to change by to be felt", ("joint",), optional=True
     ),
     "yielded": Quantity("m", "how far the end effector gives way to a push", (), optional=True),
+    "released": Quantity("", "how many parts of its task the look-ahead lets go", (), optional=True),
     "slack": Quantity("m/s²", "breach of the barriers", (), optional=True),
     "path_time": Quantity("s", "path time of the reference", (), optional=True),
     "q_plan": Quantity("rad", "joint angle of the plan", ("joint",), optional=True),

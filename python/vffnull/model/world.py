@@ -402,9 +402,9 @@ class Obstacle:
     ) -> Obstacle:
         """A cloud of points in space, such as a depth camera sees: a ball around each.
 
-        Every ball that comes near a link pushes it as a `sphere` there would, so that a dense cloud pushes
-        hard: thin it out to one point per cell of a grid. `Controller.update_points`,
-        `Simulation.update_points` and `LivePage.update_points` replace the points while a loop runs.
+        All that come near a link push it together about as hard as the nearest would alone, however many
+        they are (T192). `Controller.update_points`, `Simulation.update_points` and `LivePage.update_points`
+        replace the points while a loop runs.
 
         Parameters
         ----------

@@ -110,6 +110,9 @@ class Result(Outcome):
     yielded : (T,) ndarray or None
         How far the end effector gives way to a push [m]. None without a table
         ``[controller.touch.reaction]``.
+    released : (T,) ndarray or None
+        How many parts of its task the look-ahead lets go, in the order of ``controller.yielding.order``: 0
+        while it holds all of it. None without that, or without look-ahead.
     slack : (T,) ndarray or None
         By how much the barriers of ``avoidance = "cbf"`` are broken at most [m/s²]; None with other laws.
     path_time : (T,) ndarray or None

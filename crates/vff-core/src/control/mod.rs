@@ -45,7 +45,7 @@ pub use operational_space::OperationalSpace;
 pub use output::Output;
 pub use sampling::StablePeriod;
 pub use settings::{
-    Avoidance, CommandSettings, Formulation, Gravity, Keep, PreviewSettings, Projection,
+    Avoidance, CommandSettings, Formulation, Gravity, Part, PreviewSettings, Projection,
     SelfCollision, SelfMotionSettings, Settings, TaskKind, Yielding,
 };
 pub use tank::Tank;

@@ -111,7 +111,9 @@ impl Estimate {
 struct Body {
     number: u64,
     camera: usize,
+    /// For when it is estimated, and when it was seen last \[s\].
     time: f64,
+    last: f64,
     seen: usize,
     points: usize,
     is_cut: bool,
@@ -129,7 +131,7 @@ impl Body {
     }
 
     fn track(&self) -> Track {
-        let Self { number, camera, time, seen, points, is_cut, mean, corners } = self;
+        let Self { number, camera, last, seen, points, is_cut, mean, corners, .. } = self;
         let [low, high] = corners.each_ref().map(|corner| corner.velocity);
         // The faster one up the axis and the faster one down: a side that is cut off stands still where it is, and sides that go
         // apart or together are those of a body of which more or less is seen.
@@ -140,7 +142,7 @@ impl Body {
             position: mean.position,
             velocity: if *is_cut { of_sides } else { mean.velocity },
             covariance: if *is_cut { corners[0].covariance } else { mean.covariance },
-            time: *time,
+            time: *last,
             seen: *seen,
             points: *points,
             is_cut: *is_cut,
@@ -190,7 +192,7 @@ impl Tracks {
         let PerceiverSettings { acceleration, memory, track_error, .. } = settings;
         let variance = track_error * track_error;
         let of_corner = CORNER * CORNER * variance;
-        self.bodies.retain(|body| (t - body.time).abs() <= *memory);
+        self.bodies.retain(|body| (t - body.last).abs() <= *memory);
         let own = |body: &&mut Body| body.camera == camera;
         self.bodies.iter_mut().filter(own).for_each(|body| body.predict(t, *acceleration));
         let mut velocities = vec![Vector::<3>::zeros(); self.clusters.len()];
@@ -205,13 +207,19 @@ impl Tracks {
             let seen = sum / f64::from(points);
             let off = |i: &usize| {
                 let Estimate { position, covariance, .. } = &self.bodies[*i].mean;
-                (seen - position).norm_squared() / (covariance[0] + variance)
+                let expected = covariance[0] + variance;
+                [(seen - position).norm_squared() / expected, expected]
+            };
+            // By how likely it is: what was not seen for long may be anywhere, but is hardly just here.
+            let unlikely = |i: &usize| {
+                let [square, expected] = off(i);
+                square + 3.0 * expected.ln()
             };
             let is_free = |i: &usize| !is_taken[*i] && self.bodies[*i].camera == camera;
             let nearest = (0..self.bodies.len())
                 .filter(is_free)
-                .min_by(|i, j| off(i).total_cmp(&off(j)))
-                .filter(|i| off(i) < GATE * GATE);
+                .filter(|i| off(i)[0] < GATE * GATE)
+                .min_by(|i, j| unlikely(i).total_cmp(&unlikely(j)));
             let place = match nearest {
                 Some(place) => place,
                 None if self.bodies.len() == MAX_TRACKS => continue,
@@ -220,6 +228,7 @@ impl Tracks {
                         number: self.count,
                         camera,
                         time: t,
+                        last: t,
                         seen: 0,
                         points: 0,
                         is_cut,
@@ -240,6 +249,7 @@ impl Tracks {
                 }
             }
             body.seen += 1;
+            body.last = t;
             (body.points, body.is_cut) = (points as usize, is_cut);
             let track = body.track();
             if track.is_moving() {

@@ -5,7 +5,7 @@ use super::numbers::table;
 use super::validate::Validated;
 use crate::control::avoidance::barrier;
 use crate::control::avoidance::preview::fastest_rate;
-use crate::control::{PreviewSettings, SelfMotionSettings, Settings};
+use crate::control::{Part, PreviewSettings, SelfMotionSettings, Settings, TaskKind};
 
 /// `[controller.yielding.preview]`.
 pub fn table_of(settings: &PreviewSettings) -> Validated {
@@ -18,6 +18,27 @@ pub fn table_of(settings: &PreviewSettings) -> Validated {
     let given = settings.self_motion.as_ref();
     given
         .map_or(Ok(()), |given| table(given, |_| None).map_err(|error| error.inside("self_motion")))
+}
+
+/// In which order a task gives way, of an arm in `dimension` dimensions where that is known.
+pub fn order(parts: &[Part], task: TaskKind, dimension: Option<usize>) -> Validated {
+    for (i, part) in parts.iter().enumerate() {
+        let problem = match part {
+            _ if parts[..i].contains(part) => "has a part twice",
+            Part::Turn | Part::Orientation if task == TaskKind::Position => {
+                "names what needs a task with an orientation: a position has none to give way"
+            }
+            Part::Turn if task == TaskKind::Pointing => {
+                "has `turn`, which is free already: a pointing task does not keep the turn about the tool's axis"
+            }
+            Part::Turn if dimension == Some(2) => {
+                "has `turn`, which needs an arm in space: in the plane there is `orientation`"
+            }
+            _ => continue,
+        };
+        return Err(ScenarioError::new("yielding.order", Problem::Other(problem.into())));
+    }
+    Ok(())
 }
 
 /// Whether a search of the self-motion has a curve to search, and room for it.

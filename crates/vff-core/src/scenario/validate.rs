@@ -9,7 +9,7 @@ use super::touch::touch;
 use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
 use crate::control::{
-    Avoidance, Formulation, SelfCollision, Settings, TaskKind, Yielding, extended_jacobian,
+    Avoidance, Formulation, SelfCollision, Settings, Yielding, extended_jacobian,
 };
 use crate::field::{Field, FieldKind};
 use crate::interrupt;
@@ -331,9 +331,8 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
         length("posture", posture.len(), n.unwrap_or(posture.len()))?;
     }
     yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
-    if settings.yielding.keep.is_some() && settings.task == TaskKind::Position {
-        let problem = "needs a task with an orientation: a position has nothing else to give way";
-        return Err(ScenarioError::new("yielding.keep", Problem::Other(problem.into())));
+    if let Some(parts) = &settings.yielding.order {
+        look_ahead::order(parts, settings.task, arm.map(|(_, dimension)| dimension))?;
     }
     if settings.avoidance == Avoidance::Cbf {
         look_ahead::work(settings)?;

@@ -100,6 +100,7 @@ pub const METRICS: &[Metric] = &[
     metric("touched_link", "", "on which link, counted from 0, or one beyond it"),
     metric("max_yielded", "m", "furthest that the end effector gave way to a push"),
     metric("stopped_time", "s", "total time for which a push stopped the task"),
+    metric("released_time", "s", "total time for which look-ahead let go parts of the task"),
     metric("late_cycles", "", "control cycles that took longer than the deadline"),
     metric("cut_cycles", "", "control cycles in which look-ahead stopped for lack of time"),
     metric("rollouts_left_out", "", "roll-outs of look-ahead that were not made because of that"),
@@ -228,6 +229,7 @@ pub struct Metrics {
     touched: Option<(f64, usize)>,
     max_yielded: Option<f64>,
     stopped_samples: Option<usize>,
+    released_samples: Option<usize>,
 }
 
 impl Metrics {
@@ -283,6 +285,7 @@ impl Metrics {
             touched: None,
             max_yielded: None,
             stopped_samples: None,
+            released_samples: None,
         }
     }
 
@@ -308,6 +311,9 @@ impl Metrics {
         }
         if let Some(yielded) = s.yielded {
             self.max_yielded = Some(larger(self.max_yielded.unwrap_or(0.0), yielded));
+        }
+        if let Some(released) = s.released {
+            *self.released_samples.get_or_insert(0) += usize::from(released > 0.0);
         }
         if let Some(is_stopped) = s.is_stopped {
             *self.stopped_samples.get_or_insert(0) += usize::from(is_stopped);
@@ -506,6 +512,7 @@ impl Metrics {
             count(self.touched.map(|(_, link)| link)),
             optional(self.max_yielded),
             self.stopped_samples.map_or(Value::None, time),
+            self.released_samples.map_or(Value::None, time),
         ];
         let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
         let left_out = left_out.map(|counted| count(counted.map(whole)));

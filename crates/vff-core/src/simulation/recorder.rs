@@ -153,6 +153,8 @@ pub struct Record {
     /// (T), or empty.
     pub yielded: Vec<f64>,
     /// (T), or empty.
+    pub released: Vec<f64>,
+    /// (T), or empty.
     pub slack: Vec<f64>,
     /// (T), or empty.
     pub path_time: Vec<f64>,
@@ -303,6 +305,7 @@ impl Record {
                 s.contact_threshold.is_some()
             }),
             optional("yielded", &mut self.yielded, &[], |s| s.yielded.is_some()),
+            optional("released", &mut self.released, &[], |s| s.released.is_some()),
             optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
             optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
             optional("q_plan", &mut self.q_plan, &[n], |s| s.q_plan.is_some()),
@@ -382,6 +385,7 @@ impl Record {
         self.contact_deviation.extend_from_slice(s.contact_deviation.unwrap_or_default());
         self.contact_threshold.extend_from_slice(s.contact_threshold.unwrap_or_default());
         self.yielded.extend(s.yielded);
+        self.released.extend(s.released);
         self.slack.extend(s.slack);
         self.path_time.extend(s.path_time);
         self.q_plan.extend_from_slice(s.q_plan.unwrap_or_default());

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from vffnull._core import matrices, quaternions
-from vffnull.draw import replans, style
+from vffnull.draw import released, replans, style
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome
@@ -110,7 +111,7 @@ def tracking_error(result: Outcome) -> Figure:
     top.set_ylabel(f"error [{units}]")
     top.margins(y=0.08)
     error_magnitude(bottom, result)
-    shown = [*top.get_legend_handles_labels()[0], *replans.mark([top, bottom], result)]
+    shown = [*top.get_legend_handles_labels()[0], *_marks([top, bottom], result)]
     fig.legend(handles=shown, loc="outside upper center", ncols=max(len(shown), 3))
     fig.align_ylabels([top, bottom])
     return fig
@@ -124,10 +125,15 @@ def _pose_error(result: Outcome) -> Figure:
     error_magnitude(bottom, result)
     for ax in (top, middle):
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
-    if more := replans.mark([top, middle, bottom], result):
+    if more := _marks([top, middle, bottom], result):
         fig.legend(handles=more, loc="outside lower center")
     fig.align_ylabels([top, middle, bottom])
     return fig
+
+
+def _marks(axes: list[Axes], result: Outcome) -> list[Artist]:
+    """New plans, and what is let go; returns what belongs into a legend."""
+    return [*replans.mark(axes, result), *released.mark(axes, result)]
 
 
 def _components(ax: Axes, result: Outcome, which: list[int], unit: str, what: str) -> None:

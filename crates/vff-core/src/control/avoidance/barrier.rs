@@ -14,10 +14,11 @@
 
 use super::joint_bounds::{Acting, JointBounds};
 use super::margins::Margins;
+use super::order::Order;
 use crate::control::deadline::LeftOut;
 use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::settings::{Keep, Yielding};
+use crate::control::settings::Yielding;
 use crate::control::{
     CommandSettings, Gains, Gravity, OperationalSpace, TaskMetric, Torque, TorqueRange,
 };
@@ -57,9 +58,6 @@ fn usual<const D: usize>() -> Usual {
         Usual { task_weight: 20.0, slack_weight: 4e4, activation: 1.2 }
     }
 }
-
-/// How much more what is to be kept weighs.
-const KEPT: f64 = 10.0;
 
 /// How much more a joint's angle and speed weigh than a distance where there is no room for all: a robot ends a motion
 /// beyond them.
@@ -105,17 +103,28 @@ pub fn slack_weight<const D: usize>(settings: &Yielding) -> f64 {
     settings.slack_weight.unwrap_or(usual::<D>().slack_weight)
 }
 
-/// W_x = `task_weight` S², what is kept `KEPT` times that (T69).
-pub fn weight<const D: usize, const M: usize>(
-    settings: &Yielding,
-    metric: &TaskMetric<M>,
-) -> SMatrix<f64, M, M> {
-    let mut weight = metric.weight() * settings.task_weight.unwrap_or(usual::<D>().task_weight);
-    if let Some(keep) = settings.keep {
-        let kept = if keep == Keep::Position { 0..D } else { D..M };
-        kept.for_each(|i| weight[(i, i)] *= KEPT);
+/// W_x = `task_weight` S², in the order in which the task gives way (T69, T193).
+#[derive(Debug, Clone)]
+pub(super) struct TaskWeight<const M: usize> {
+    plain: SMatrix<f64, M, M>,
+    order: Order,
+    present: SMatrix<f64, M, M>,
+}
+
+impl<const M: usize> TaskWeight<M> {
+    /// In a space of dimension `D`.
+    pub fn new<const D: usize>(settings: &Yielding, metric: &TaskMetric<M>) -> Self {
+        let plain = metric.weight() * settings.task_weight.unwrap_or(usual::<D>().task_weight);
+        Self { plain, order: Order::of(settings), present: plain }
     }
-    weight
+
+    /// Where the tool is.
+    pub fn at<R: Robot<D>, const D: usize>(&mut self, robot: &R) -> &SMatrix<f64, M, M> {
+        if self.order.count() > 1 {
+            self.present = self.order.weigh(robot, &self.plain);
+        }
+        &self.present
+    }
 }
 
 /// Barriers that may be violated at one instant; beyond that the QP is left unfinished.

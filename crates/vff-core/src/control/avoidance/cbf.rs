@@ -1,6 +1,6 @@
 //! `cbf`: which pairs the program of [`Barrier`] is to keep apart.
 
-use super::barrier::{self, Barrier, Kept};
+use super::barrier::{self, Barrier, Kept, TaskWeight};
 use super::{Situation, Way};
 use crate::control::deadline::LeftOut;
 use crate::control::distance::OwnPair;
@@ -12,14 +12,13 @@ use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::{JointSpline, Pace};
 use crate::world::{CollisionQuery, Contact};
-use nalgebra::SMatrix;
 use std::cell::Cell;
 
 /// The pairs near the arm, and the program.
 #[derive(Debug, Clone)]
 pub struct Cbf<const D: usize, const M: usize> {
     /// W_x (T69).
-    weight: SMatrix<f64, M, M>,
+    weight: TaskWeight<M>,
     /// How near a pair matters \[m\].
     activation: f64,
     pairs: Vec<Contact<D>>,
@@ -39,7 +38,7 @@ impl<const D: usize, const M: usize> Cbf<D, M> {
         let settings = &gains.yielding;
         let keeps_apart = gains.self_collision == SelfCollision::Avoid;
         Self {
-            weight: barrier::weight::<D, M>(settings, &gains.metric::<D>()),
+            weight: TaskWeight::new::<D>(settings, &gains.metric::<D>()),
             activation: barrier::activation::<D>(settings),
             pairs: vec![],
             own: vec![],
@@ -109,7 +108,8 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
     fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque) {
         let Situation { robot, space, bias, range, .. } = *situation;
         let Self { weight, pairs, own, barrier, slack, .. } = self;
-        *slack = barrier.act(robot, space, weight, Kept { pairs, own, range }, bias, torque);
+        *slack =
+            barrier.act(robot, space, weight.at(robot), Kept { pairs, own, range }, bias, torque);
     }
 
     fn slack(&self) -> Option<f64> {

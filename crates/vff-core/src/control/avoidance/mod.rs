@@ -9,6 +9,7 @@ pub mod barrier;
 mod cbf;
 mod joint_bounds;
 mod margins;
+mod order;
 pub mod preview;
 pub mod priority;
 mod relaxed;
@@ -19,9 +20,8 @@ use crate::math::Vector;
 use crate::robot::{Limits, Robot};
 use crate::trajectory::{JointSpline, Pace};
 use crate::world::{CollisionQuery, Contact};
-use barrier::{Barrier, Kept};
+use barrier::{Barrier, Kept, TaskWeight};
 use cbf::Cbf;
-use nalgebra::SMatrix;
 use priority::Priority;
 use relaxed::Relaxed;
 
@@ -101,7 +101,7 @@ impl<const D: usize, const M: usize> Way<D, M> for TaskWins {
 #[derive(Debug, Clone)]
 struct Limiter<const M: usize> {
     /// W_x (T69).
-    weight: SMatrix<f64, M, M>,
+    weight: TaskWeight<M>,
     barrier: Barrier,
     /// Whether it acts at all times; otherwise where a torque is beyond its limit, or a joint would be too fast or come to a
     /// stop.
@@ -124,7 +124,7 @@ impl<const M: usize> Limiter<M> {
             barrier = barrier.reacting_with(rate);
         }
         Self {
-            weight: barrier::weight::<D, M>(&gains.yielding, &gains.metric::<D>()),
+            weight: TaskWeight::new::<D>(&gains.yielding, &gains.metric::<D>()),
             barrier: if is_judged {
                 barrier.without_speeds(robot)
             } else {
@@ -147,7 +147,7 @@ impl<const M: usize> Limiter<M> {
             || !self.barrier.is_calm(robot, &torque.total, bias)
         {
             let kept = Kept { pairs, own: &[], range };
-            self.barrier.act(robot, space, &self.weight, kept, bias, torque);
+            self.barrier.act(robot, space, self.weight.at(robot), kept, bias, torque);
         }
     }
 }

@@ -9,7 +9,7 @@ mod yielding;
 pub use command::{CommandSettings, Gravity, OF_THE_ROBOT};
 pub use preview::PreviewSettings;
 pub use self_motion::SelfMotionSettings;
-pub use yielding::{Keep, Yielding};
+pub use yielding::{Part, Yielding};
 
 use super::deadline::Deadline;
 use super::observer::{ObserverSettings, Touch};
@@ -103,7 +103,7 @@ settings! {
     /// # Example
     /// ```
     /// use vff_core::control::settings::{
-    ///     Avoidance, CommandSettings, Formulation, Keep, PreviewSettings, Projection, SelfCollision, SelfMotionSettings, TaskKind,
+    ///     Avoidance, CommandSettings, Formulation, Part, PreviewSettings, Projection, SelfCollision, SelfMotionSettings, TaskKind,
     ///     Yielding,
     /// };
     /// use vff_core::control::{Deadline, Settings};
@@ -114,21 +114,22 @@ settings! {
     ///     avoidance = "cbf"
     ///     self_collision = "avoid"
     ///     deadline = 300
-    ///     yielding = { margin = 0.03, preview = {} }
+    ///     yielding = { margin = 0.03, order = ["turn", "orientation"], preview = {} }
     ///     "#,
     /// )
     /// .unwrap();
     /// assert_eq!((settings.task, settings.avoidance), (TaskKind::Pose, Avoidance::Cbf));
     /// assert_eq!(settings.self_collision, SelfCollision::Avoid);
     /// assert_eq!(settings.deadline, Some(Deadline::Micros(300.0)));
-    /// assert_eq!(settings.yielding, Yielding { margin: 0.03, preview: Some(PreviewSettings::default()), ..Yielding::default() });
+    /// let order = Some(vec![Part::Turn, Part::Orientation]);
+    /// let preview = Some(PreviewSettings::default());
+    /// assert_eq!(settings.yielding, Yielding { margin: 0.03, order, preview, ..Yielding::default() });
     /// // What the search of the self-motion takes where nothing is said.
     /// assert_eq!(SelfMotionSettings::default().horizon, 3.0);
     /// // What is not said is as by default.
     /// let defaults = Settings::default();
     /// assert_eq!((defaults.formulation, defaults.projection), (Formulation::Recursive, Projection::Dynamic));
     /// assert_eq!(defaults.command, CommandSettings::default());
-    /// assert_ne!(Keep::Position, Keep::Orientation);
     /// ```
     pub struct Settings {
         /// `position` (m = 2) or `pose` (m = 3, with the orientation); in space m = 3, 6, and `pointing` (m = 5: the turn about the

@@ -23,8 +23,9 @@ settings! {
         /// Cost of changing the end effector's acceleration; the null space costs its inertia; none: 20 in the plane, 300 in
         /// space.
         task_weight: Option<f64> = None, "kg", POSITIVE, "cbf";
-        /// `position` or `orientation`: what of a pose gives way last; none: both alike.
-        keep: Option<Keep> = None, "", "cbf";
+        /// What of the task gives way first, then what: of `turn` (about the tool's axis), `orientation`, `approach` (along that axis) and
+        /// `position`. The rest comes last, at ten times `task_weight`, and each before it counts a tenth of the next; none: all alike.
+        order: Option<Vec<Part>> = None, "", "cbf";
         /// Cost of violating a barrier; none: 4e4 in the plane, 6e5 in space.
         slack_weight: Option<f64> = None, "", POSITIVE, "cbf";
         /// Joint speed to keep below where the arm has no `velocity_limits`.
@@ -34,14 +35,19 @@ settings! {
     }
 }
 
-/// What of the pose of the end effector gives way last.
+/// A part of what the end effector has to do, which can give way before others. The tool's axis is the z axis of its frame, in the
+/// plane that of the last link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Keep {
-    /// The orientation gives way first.
-    Position,
-    /// The position gives way first.
+pub enum Part {
+    /// The turn about the tool's axis, in space.
+    Turn,
+    /// The orientation; beside `Turn` the direction of the tool's axis alone.
     Orientation,
+    /// The position along the tool's axis.
+    Approach,
+    /// The position; beside `Approach` what is across the tool's axis alone.
+    Position,
 }
 
 impl Yielding {

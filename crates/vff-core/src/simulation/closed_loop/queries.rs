@@ -222,6 +222,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             contact_deviation: controller.contact_deviation(),
             contact_threshold: controller.contact_threshold(),
             yielded: controller.yielded(),
+            released: controller.released(),
             is_stopped: controller.is_stopped(),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),

@@ -10,8 +10,9 @@ const RELEASE: f64 = 4.0;
 /// A motion of the next seconds: one joint velocity \[rad/s\] for some time, then another.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Whether the end effector keeps to its task; the joint velocities then act within the null space.
-    pub holds: bool,
+    /// How many parts of its task the end effector lets go, in their order (T193); the joint velocities act within the null space of the
+    /// others: at 0 within that of the task.
+    pub released: usize,
     /// The first joint velocity.
     pub first: Vec<f64>,
     /// The second.
@@ -23,19 +24,19 @@ pub struct Candidate {
 impl Candidate {
     /// The task alone: the law as it is, for `n` joints.
     pub fn idle(n: usize) -> Self {
-        Self { holds: true, first: vec![0.0; n], then: vec![0.0; n], switch: 0.0 }
+        Self { released: 0, first: vec![0.0; n], then: vec![0.0; n], switch: 0.0 }
     }
 
     /// Takes over another candidate without allocating.
     pub fn copy_from(&mut self, other: &Self) {
-        (self.holds, self.switch) = (other.holds, other.switch);
+        (self.released, self.switch) = (other.released, other.switch);
         self.first.copy_from_slice(&other.first);
         self.then.copy_from_slice(&other.then);
     }
 
     /// Becomes [`idle`](Self::idle).
     pub fn make_idle(&mut self) {
-        (self.holds, self.switch) = (true, 0.0);
+        (self.released, self.switch) = (0, 0.0);
         self.first.fill(0.0);
         self.then.fill(0.0);
     }
@@ -45,9 +46,17 @@ impl Candidate {
         if s < self.switch { &self.first } else { &self.then }
     }
 
-    /// Becomes a new one, drawn at random.
-    pub fn draw(&mut self, noise: &mut Noise, speed: f64) {
-        self.holds = noise.share() < 0.5;
+    /// Becomes a new one, drawn at random, of a task of so many parts.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "few parts"
+    )]
+    pub fn draw(&mut self, noise: &mut Noise, parts: usize, speed: f64) {
+        // Every other one holds the whole task.
+        let part = (2.0 * noise.share() - 1.0) * parts as f64;
+        self.released = if part < 0.0 { 0 } else { (part as usize + 1).min(parts) };
         let constant = noise.share() < 0.3;
         for (first, then) in self.first.iter_mut().zip(&mut self.then) {
             *first = speed * noise.draw();
@@ -91,9 +100,9 @@ impl Forecast {
     pub const NOTHING: Self = Self { distance: f64::INFINITY, error: 0.0, worst: 0.0 };
 }
 
-/// What a candidate costs of which this is predicted (T73).
-pub fn cost(settings: &PreviewSettings, margin: f64, forecast: Forecast, holds: bool) -> f64 {
+/// What a candidate costs of which this is predicted, and which lets go that share of the parts of its task (T73).
+pub fn cost(settings: &PreviewSettings, margin: f64, forecast: Forecast, released: f64) -> f64 {
     let missing = (settings.clearance - forecast.distance).max(0.0);
     let breach = (margin - forecast.distance).max(0.0);
-    MISSING * (missing + breach) + forecast.error + if holds { 0.0 } else { RELEASE }
+    MISSING * (missing + breach) + forecast.error + RELEASE * released
 }

@@ -29,6 +29,9 @@ const STREAM: u64 = 4;
 /// How fast the nominal motion changes over to another candidate \[1/s\].
 const BLEND: f64 = 60.0;
 
+/// How fast parts of a task are taken up again that were let go \[1/s\]: they may be far off.
+const TAKE_UP: f64 = 10.0;
+
 /// Roll-outs at the beginning of a cycle: of the law as it is, and of the candidate that is being followed.
 const FIRST: usize = 2;
 
@@ -50,6 +53,12 @@ enum UnderWay {
     },
     /// That of the candidate on trial.
     Trial,
+}
+
+/// The share that a candidate lets go of the parts of a task.
+#[expect(clippy::cast_precision_loss, reason = "few parts")]
+fn share_of(candidate: &Candidate, parts: usize) -> f64 {
+    candidate.released as f64 / parts as f64
 }
 
 /// Look-ahead with its workspace.
@@ -75,10 +84,10 @@ pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     tried: usize,
     count: usize,
     /// The nominal motion, which follows the candidate with a lag, so that no torque jumps: the joint
-    /// velocity that is aimed at \[rad/s\], and how far, from 0 to 1, the end effector holds its task and the
-    /// candidate counts.
+    /// velocity that is aimed at \[rad/s\], and how far, from 0 to 1, the end effector holds each part of its task and
+    /// the candidate counts.
     aim: Vec<f64>,
-    hold: f64,
+    hold: Vec<f64>,
     weight: f64,
     trial: Candidate,
     rollout: Rollout<R, D, M>,
@@ -96,6 +105,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// For the law with these gains on `robot`.
     pub fn new(robot: &R, gains: &Gains<M>, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
+        let rollout = Rollout::new(robot, &gains.yielding, settings, gains.metric::<D>());
         Self {
             settings: settings.clone(),
             margin: gains.yielding.margin,
@@ -113,10 +123,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             tried: 0,
             count: 0,
             aim: vec![0.0; n],
-            hold: 1.0,
+            hold: vec![1.0; rollout.order.count()],
             weight: 0.0,
             trial: Candidate::idle(n),
-            rollout: Rollout::new(robot, &gains.yielding, settings, gains.metric::<D>()),
+            rollout,
             under_way: UnderWay::Nothing,
             judged: 0.0,
             left_out: LeftOut::default(),
@@ -192,18 +202,27 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         }
         let share = 1.0 - (-BLEND * dt).exp();
         let go = |from: &mut f64, to: f64| *from += share * (to - *from);
+        let back = if self.hold.len() > 1 { 1.0 - (-TAKE_UP * dt).exp() } else { share };
+        let go_back = |from: &mut f64, to: f64| *from += back * (to - *from);
         let path = self.self_motion.as_ref().filter(|search| !self.active && search.has_path());
-        let (wanted, holds) = match path {
+        let (wanted, released) = match path {
             Some(search) => {
                 search.write_velocity(&mut self.scratch);
-                (&*self.scratch, true)
+                (&*self.scratch, 0)
             }
-            None => (self.best.at(self.elapsed), self.best.holds),
+            None => (self.best.at(self.elapsed), self.best.released),
         };
         self.aim.iter_mut().zip(wanted).for_each(|(aim, u)| go(aim, *u));
-        go(&mut self.hold, f64::from(holds));
+        let parts = self.hold.iter_mut().enumerate();
+        parts.for_each(|(place, hold)| match place >= released {
+            true => go_back(hold, 1.0),
+            false => go(hold, 0.0),
+        });
         let is_followed = self.active || path.is_some();
-        go(&mut self.weight, f64::from(is_followed));
+        match is_followed {
+            true => go(&mut self.weight, 1.0),
+            false => go_back(&mut self.weight, 0.0),
+        }
         if !is_followed && self.weight < 1e-6 {
             self.weight = 0.0;
         }
@@ -355,7 +374,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
                 self.aim.copy_from_slice(present.robot.velocity());
             }
             rollout.begin();
-            self.under_way = UnderWay::Present { of_idle: cost(settings, margin, idle, true) };
+            self.under_way = UnderWay::Present { of_idle: cost(settings, margin, idle, 0.0) };
         }
         if let UnderWay::Present { of_idle } = self.under_way {
             let all = |_: Forecast, _: f64| false;
@@ -363,7 +382,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             (self.under_way, self.judged) = (UnderWay::Nothing, self.elapsed);
             // The null space alone was not enough.
             *holds &= followed.distance >= margin;
-            self.cost = cost(settings, margin, followed, best.holds);
+            let released = share_of(best, rollout.order.count());
+            self.cost = cost(settings, margin, followed, released);
             if of_idle <= self.cost {
                 self.cost = of_idle;
                 best.make_idle();
@@ -396,22 +416,29 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     fn search(&mut self, surroundings: &dyn Prediction<D>, budget: &Budget) -> Option<()> {
         let due = self.due();
         let Self { settings, margin, noise, best, cost: least, holds, trial, rollout, .. } = self;
+        let parts = rollout.order.count();
         while self.tried < due {
             if self.under_way != UnderWay::Trial {
                 let k = self.tried;
                 if 2 * k >= self.count || k.is_multiple_of(2) {
                     trial.copy_from(best);
                     trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
-                    trial.holds ^= k % 8 == 7;
+                    if k % 8 == 7 {
+                        trial.released = (trial.released + 1) % (parts + 1);
+                    }
                 } else {
-                    trial.draw(noise, settings.speed * if k.is_multiple_of(3) { 0.4 } else { 1.0 });
+                    let speed = settings.speed * if k.is_multiple_of(3) { 0.4 } else { 1.0 };
+                    trial.draw(noise, parts, speed);
                 }
-                trial.holds |= *holds;
+                if *holds {
+                    trial.released = 0;
+                }
                 trial.limit(&rollout.speed);
                 rollout.begin();
                 self.under_way = UnderWay::Trial;
             }
-            let price = |forecast| cost(settings, *margin, forecast, trial.holds);
+            let released = share_of(trial, parts);
+            let price = |forecast| cost(settings, *margin, forecast, released);
             let worse = |so_far, _| price(so_far) > *least;
             let found = rollout.go_on(trial, surroundings, self.elapsed, &worse, budget)?;
             self.under_way = UnderWay::Nothing;
@@ -423,6 +450,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             }
         }
         Some(())
+    }
+
+    /// How many parts of its task the end effector lets go (T193): 0 while it is held; None without an order of them.
+    pub fn released(&self) -> Option<usize> {
+        (self.hold.len() > 1).then(|| if self.active { self.best.released } else { 0 })
     }
 
     /// Whether a candidate is being followed.
@@ -437,7 +469,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     }
 
     /// Makes the candidate the nominal motion (T72): changes the torque of the null-space law into one that gives
-    /// q̈ = RATE (u − q̇), in the null space alone if the end effector holds its task.
+    /// q̈ = RATE (u − q̇), in the null space alone of what the end effector holds of its task.
     pub fn act(
         &mut self,
         robot: &R,
@@ -453,10 +485,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         for ((change, u), dq) in change.iter_mut().zip(&self.aim).zip(robot.velocity()) {
             *change = RATE * (u - dq) - *change;
         }
-        space.pinv_mul(&robot.jacobian_mul::<M>(change), scratch);
-        for (change, task) in change.iter_mut().zip(scratch.iter()) {
-            *change = self.weight * (*change - self.hold * task);
+        let whole = robot.jacobian_mul::<M>(change);
+        for (place, hold) in self.hold.iter().enumerate() {
+            space.pinv_mul(&self.rollout.order.part::<R, D, M>(robot, place, &whole), scratch);
+            change.iter_mut().zip(scratch.iter()).for_each(|(change, task)| *change -= hold * task);
         }
+        change.iter_mut().for_each(|change| *change *= self.weight);
         robot.mass_mul(change, scratch);
         torque.add_to_task(|i| scratch[i]);
     }

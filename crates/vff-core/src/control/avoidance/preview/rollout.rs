@@ -2,6 +2,7 @@
 
 use super::candidate::{Candidate, Forecast};
 use super::prediction::{Near, Prediction};
+use crate::control::avoidance::order::Order;
 use crate::control::deadline::Budget;
 use crate::control::metric::TaskMetric;
 use crate::control::{PreviewSettings, Yielding};
@@ -68,6 +69,7 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     follow: f64,
     margin: f64,
     metric: TaskMetric<M>,
+    pub(super) order: Order,
 }
 
 /// A pair that is too far apart to matter.
@@ -114,6 +116,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             follow: 1.0 - (-RATE * step).exp(),
             margin: yielding.margin,
             metric,
+            order: Order::of(yielding),
         }
     }
 
@@ -196,7 +199,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = self.scout.pose().error(&sample.x);
-            let error = self.metric.norm(&e);
+            let error = self.order.size(&self.scout, &self.metric, &e);
             let distance = self.measure(surroundings, s - ago);
             let forecast = &mut self.so_far;
             forecast.error += error / self.reference.len() as f64;
@@ -208,9 +211,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             if enough(self.so_far, s) {
                 break;
             }
-            let wanted = candidate.holds.then(|| {
+            let released = candidate.released;
+            let wanted = (released < self.order.count()).then(|| {
                 let [dx, _] = self.scout.resolve(&sample.x, &sample.dx, &sample.ddx);
-                dx - e * PULL
+                let held = (released > 0).then(|| self.order.held(&self.scout, released));
+                (dx - e * PULL, held)
             });
             self.want(candidate.at(s), wanted);
             self.advance();
@@ -272,13 +277,13 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         least
     }
 
-    /// The joint velocity `u`, with the task velocity `dx` where the end effector holds its task, and then, pair by
-    /// pair, the nearest one at which the distance decreases no faster than is allowed (T71).
-    fn want(&mut self, u: &[f64], dx: Option<SVector<f64, M>>) {
+    /// The joint velocity `u`, with a task velocity where the end effector holds its task, or those directions of it alone, and then,
+    /// pair by pair, the nearest one at which the distance decreases no faster than is allowed (T71).
+    fn want(&mut self, u: &[f64], held: Option<(SVector<f64, M>, Option<SMatrix<f64, M, M>>)>) {
         let Self { scout, w, row, columns, inverse_inertia, pairs, step, margin, metric, .. } =
             self;
         w.copy_from_slice(u);
-        let inverse = dx.map(|mut along| {
+        let inverse = held.map(|(mut along, held)| {
             let mut gram = metric.inverse_weight() * DAMPING;
             for (i, ((column, inverse_inertia), u)) in
                 columns.iter_mut().zip(&*inverse_inertia).zip(u).enumerate()
@@ -288,6 +293,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                 along -= *column * *u;
             }
             let inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
+            // What is let go goes as the joints do.
+            let inverse = held.map_or(inverse, |held| inverse * held);
             let f = inverse * along;
             for ((w, column), inverse_inertia) in w.iter_mut().zip(&*columns).zip(&*inverse_inertia)
             {
@@ -376,7 +383,7 @@ mod tests {
         let reference = holding(&robot);
         rollout.prepare(&settings, &robot, &mut world, &|_| reference);
         let u = [0.3, -0.2, 0.1, 0.5];
-        let candidate = Candidate { holds: false, first: u.into(), then: u.into(), switch: 0.0 };
+        let candidate = Candidate { released: 1, first: u.into(), then: u.into(), switch: 0.0 };
         rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
         let t = 1.0 + rollout.step; // the state after the last step that was measured
         for (i, u) in u.iter().enumerate() {
@@ -395,9 +402,9 @@ mod tests {
         let reference = holding(&robot);
         rollout.prepare(&settings, &robot, &mut world, &|_| reference);
         let u = vec![0.3, -0.4, 0.3, 0.1];
-        let mut candidate = Candidate { holds: true, first: u.clone(), then: u, switch: 0.0 };
+        let mut candidate = Candidate { released: 0, first: u.clone(), then: u, switch: 0.0 };
         let held = rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
-        candidate.holds = false;
+        candidate.released = 1;
         let free = rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
         assert!(held.error < 0.05 * free.error, "{held:?} {free:?}");
     }
@@ -447,7 +454,7 @@ mod tests {
                 (forecast.distance.min(NEAR), forecast.error, rollout.q.clone())
             });
             assert_eq!(few, all);
-            candidate.draw(&mut noise, 1.0);
+            candidate.draw(&mut noise, 1, 1.0);
         }
         assert!(asked[0] < asked[1] / 2, "{asked:?}");
     }
@@ -492,7 +499,7 @@ mod tests {
             });
             assert_eq!(few, all);
             nearest = nearest.min(few.0);
-            candidate.draw(&mut noise, 1.0);
+            candidate.draw(&mut noise, 1, 1.0);
         }
         // Some of it was near.
         assert!(nearest < 0.5 * NEAR, "{nearest}");

@@ -156,7 +156,7 @@ fn a_deadline_is_kept_and_what_it_leaves_out_is_counted() {
                 let Preview { rollout, settings, elapsed, margin, best, .. } = &mut preview.clone();
                 let mut price = |candidate: &Candidate| {
                     let found = rollout.forecast(candidate, world, *elapsed, &|_, _| false);
-                    cost(settings, *margin, found, candidate.holds)
+                    cost(settings, *margin, found, share_of(candidate, 1))
                 };
                 assert!(price(best) <= price(&Candidate::idle(4)) + 1e-6, "{micros}: {step}");
             }

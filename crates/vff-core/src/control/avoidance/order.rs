@@ -1,0 +1,185 @@
+//! In which order the parts of a task give way (T193): what its directions weigh in a program, and what of them a look-ahead
+//! holds that has let go some.
+
+use crate::control::TaskMetric;
+use crate::control::settings::{Part, Yielding};
+use crate::robot::Robot;
+use nalgebra::{SMatrix, SVector};
+
+/// How much more the next part weighs.
+const KEPT: f64 = 10.0;
+
+/// The directions of a task of dimension `M`, each with its place in the order.
+#[derive(Debug, Clone)]
+pub(crate) struct Order {
+    /// The places of the turn about the tool's axis, of its tilt, of the approach along it, and of what is across.
+    turn: usize,
+    tilt: usize,
+    approach: usize,
+    across: usize,
+    /// How many places there are.
+    count: usize,
+}
+
+impl Order {
+    /// That of the settings.
+    pub fn of(settings: &Yielding) -> Self {
+        Self::new(settings.order.as_deref().unwrap_or_default())
+    }
+
+    /// That of these parts; those that are not named come last.
+    pub fn new(parts: &[Part]) -> Self {
+        let place = |part: Part| parts.iter().position(|named| *named == part);
+        let [turn, tilt, approach, across] = [
+            place(Part::Turn).or(place(Part::Orientation)),
+            place(Part::Orientation),
+            place(Part::Approach).or(place(Part::Position)),
+            place(Part::Position),
+        ]
+        .map(|place| place.unwrap_or(parts.len()));
+        let count = 1 + turn.max(tilt).max(approach).max(across);
+        Self { turn, tilt, approach, across, count }
+    }
+
+    /// How many places there are: 1 where all give way alike.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The projector on the directions of a task at these places, in the rows of J, for an arm in a space of dimension `D`.
+    fn at<R: Robot<D>, const D: usize, const M: usize>(
+        &self,
+        robot: &R,
+        is_meant: impl Fn(usize) -> bool,
+    ) -> SMatrix<f64, M, M> {
+        let [turn, tilt, approach, across] = [self.turn, self.tilt, self.approach, self.across]
+            .map(|place| f64::from(u8::from(is_meant(place))));
+        // The tool's axis: z of its frame in space, x in the plane.
+        let axis = robot.link_frame(robot.dof()).1.column(if D > 2 { 2 } else { 0 }).into_owned();
+        let block = |i: usize, k: usize, along: f64, beside: f64| {
+            let same = if i == k { beside } else { 0.0 };
+            same + (along - beside) * axis[i] * axis[k]
+        };
+        SMatrix::from_fn(|i, k| match (i < D, k < D) {
+            (true, true) => block(i, k, approach, across),
+            // A turn in the plane, and a direction in the tool's own axes, are as they are.
+            (false, false) if M < 2 * D => {
+                if i == k {
+                    tilt
+                } else {
+                    0.0
+                }
+            }
+            (false, false) => block(i - D, k - D, turn, tilt),
+            _ => 0.0,
+        })
+    }
+
+    /// W_x in this order: what gives way last weighs ten times as much, each place before that a tenth of the next (T69, T193).
+    pub fn weigh<R: Robot<D>, const D: usize, const M: usize>(
+        &self,
+        robot: &R,
+        weight: &SMatrix<f64, M, M>,
+    ) -> SMatrix<f64, M, M> {
+        let mut factor = KEPT;
+        let mut sum = SMatrix::zeros();
+        for place in (0..self.count()).rev() {
+            sum += self.at::<R, D, M>(robot, |other| other == place) * factor;
+            factor /= KEPT;
+        }
+        // It is the same for all lengths, and for all angles.
+        weight * sum
+    }
+
+    /// The directions that are held where the first `released` places are let go.
+    pub fn held<R: Robot<D>, const D: usize, const M: usize>(
+        &self,
+        robot: &R,
+        released: usize,
+    ) -> SMatrix<f64, M, M> {
+        self.at(robot, |place| place >= released)
+    }
+
+    /// The part of one place in a task vector.
+    pub fn part<R: Robot<D>, const D: usize, const M: usize>(
+        &self,
+        robot: &R,
+        place: usize,
+        v: &SVector<f64, M>,
+    ) -> SVector<f64, M> {
+        if self.count() == 1 { *v } else { self.at::<R, D, M>(robot, |other| other == place) * v }
+    }
+
+    /// How large an error is \[m\] where each place counts a tenth of the one after it.
+    pub fn size<R: Robot<D>, const D: usize, const M: usize>(
+        &self,
+        robot: &R,
+        metric: &TaskMetric<M>,
+        e: &SVector<f64, M>,
+    ) -> f64 {
+        if self.count() == 1 {
+            return metric.norm(e);
+        }
+        let mut square = 0.0;
+        for place in 0..self.count() {
+            square = square / KEPT + metric.norm(&self.part::<R, D, M>(robot, place, e)).powi(2);
+        }
+        square.sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Model, models};
+    use std::sync::Arc;
+
+    fn panda() -> crate::robot::SpatialState {
+        let mut state = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+        state.update(&[0.3, -0.8, 0.2, -2.0, 0.4, 1.6, 0.8], &[0.0; 7]);
+        state
+    }
+
+    /// The parts of all places are the whole, each is a projector, and turn and approach are along the tool's axis.
+    #[test]
+    fn parts_make_up_the_task() {
+        use Part::{Approach, Orientation, Position, Turn};
+        let robot = panda();
+        let axis = robot.link_frame(7).1.column(2).into_owned();
+        for parts in [
+            vec![],
+            vec![Turn],
+            vec![Orientation],
+            vec![Turn, Orientation, Approach, Position],
+            vec![Approach, Position],
+            vec![Position],
+        ] {
+            let order = Order::new(&parts);
+            let mut whole = SMatrix::<f64, 6, 6>::zeros();
+            for place in 0..order.count() {
+                let one: SMatrix<f64, 6, 6> = order.at(&robot, |other| other == place);
+                assert!((one * one - one).norm() < 1e-14, "{parts:?}");
+                assert!(one.trace() > 0.5, "{parts:?}: nothing at {place}");
+                whole += one;
+            }
+            assert!((whole - SMatrix::identity()).norm() < 1e-14, "{parts:?}");
+            let nothing: SMatrix<f64, 6, 6> = order.held(&robot, order.count());
+            assert_eq!(nothing, SMatrix::zeros());
+        }
+        let order = Order::new(&[Turn, Orientation, Approach, Position]);
+        let along = SVector::<f64, 6>::from_fn(|i, _| if i < 3 { 0.0 } else { axis[i - 3] });
+        assert!((order.part(&robot, 0, &along) - along).norm() < 1e-14);
+        let forward = SVector::<f64, 6>::from_fn(|i, _| if i < 3 { axis[i] } else { 0.0 });
+        assert!((order.part(&robot, 2, &forward) - forward).norm() < 1e-14);
+        let metric = TaskMetric::<6>::new::<3>(0.2);
+        let weight = order.weigh::<_, 3, 6>(&robot, &metric.weight());
+        assert!((along.dot(&(weight * along)) - 4e-4).abs() < 1e-14);
+        assert!((forward.dot(&(weight * forward)) - 1.0).abs() < 1e-12);
+        let sizes = [along, forward].map(|e| order.size::<_, 3, 6>(&robot, &metric, &e));
+        assert!(
+            (sizes[0] - 0.2 / 1e3f64.sqrt()).abs() < 1e-12
+                && (sizes[1] - 1.0 / 10f64.sqrt()).abs() < 1e-12,
+            "{sizes:?}"
+        );
+    }
+}

@@ -1,0 +1,51 @@
+"""Where the look-ahead lets go parts of the task: shaded in panels over time, as dark as much is let go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.patches import Patch
+
+from vffnull.draw.primitives import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from vffnull.model.outcome import Outcome
+
+__all__ = ["mark", "parts"]
+
+_SHARE = 0.28
+
+
+def parts(result: Outcome) -> list[str]:
+    """The parts of the task in the order in which they give way; the last is what is not named."""
+    order = result.scenario.to_dict()["controller"].get("yielding", {}).get("order") or []
+    whole = {"position", "orientation"} <= set(order)
+    return [*order] if whole else [*order, "the rest"]
+
+
+def mark(axes: Iterable[Axes], result: Outcome) -> list[Patch]:
+    """Shade the times at which parts are let go. Returns what belongs into a legend."""
+    if result.released is None or not result.released.any():
+        return []
+    names, released = parts(result), result.released.astype(int)
+    edges = [0, *(np.flatnonzero(np.diff(released)) + 1).tolist(), len(released)]
+    panels = list(axes)
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        if released[begin]:
+            alpha = _SHARE * released[begin] / len(names)
+            span = result.t[begin], result.t[min(end, len(released) - 1)]
+            for ax in panels:
+                ax.axvspan(*span, color=COLOURS["influence"], alpha=alpha, linewidth=0.0, zorder=1.3)
+    shades = np.unique(released[released > 0])
+    return [
+        Patch(color=COLOURS["influence"], alpha=_SHARE * k / len(names), label=f"lets go {_named(names, k)}")
+        for k in shades
+    ]
+
+
+def _named(names: list[str], count: int) -> str:
+    return "all of the task" if count == len(names) else ", ".join(names[:count])
