@@ -80,10 +80,11 @@ def test_all_points_push_a_link_together(cloud: np.ndarray, radius: float) -> No
     force = (share**7 * 20.0 * inside**2).ravel()
     law = terms(controller(), [vff.Obstacle.points(near, radius)])
     np.testing.assert_allclose(law.tau_vff, force @ found.gradient, rtol=1e-9, atol=1e-9)
-    stored = law.energy[2] - terms(controller(field=OFF), [vff.Obstacle.points(near, radius)]).energy[2]
+    without = terms(controller(field=OFF), [vff.Obstacle.points(near, radius)])
+    stored = law.energy[2] - without.energy[2]
     assert stored == pytest.approx(joined.sum(), rel=1e-9, abs=1e-12)
-    first = [terms(controller(), [each]) for each in (vff.Obstacle.points(near[:1], radius), spheres[0])]
-    same(*first)
+    alone = vff.Obstacle.points(near[:1], radius)
+    same(terms(controller(), [alone]), terms(controller(), spheres[:1]))
 
 
 @given(cloud=clouds, v=hnp.arrays(float, 3, elements=st.floats(-1.0, 1.0)), t=st.floats(0.0, 1.0))

@@ -85,7 +85,11 @@ def yielding(*order: str) -> dict[str, float]:
 def test_what_gives_way_first_keeps_the_rest() -> None:
     """The last part of the order errs a fifth of what it does otherwise, and less at its expense."""
     alike = yielding()
-    assert yielding("position")["orientation"] < 0.2 * alike["orientation"] < yielding("orientation")["orientation"]
+    assert (
+        yielding("position")["orientation"]
+        < 0.2 * alike["orientation"]
+        < yielding("orientation")["orientation"]
+    )
     assert yielding("orientation")["position"] < 0.9 * alike["position"] < yielding("position")["position"]
 
 
@@ -112,7 +116,7 @@ def test_an_order_is_one_of_what_there_is(task: str, order: list[str], sentence:
 
 
 def test_the_look_ahead_lets_go_in_order() -> None:
-    """In a crowd it lets go turn and tilt, says so, and takes them up again; the hand stays where 2 cm were lost before."""
+    """In a crowd it lets go turn and tilt, says so, and takes them up again; the hand stays."""
     scene, law = in_space("crowd", "panda", "pose", 530), CONTROLLERS["cbf + preview"]
     order = {"controller.yielding.order": ["turn", "orientation", "approach", "position"]}
     alike, result = vff.simulate(scene, law), vff.simulate(scene, law | order)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +35,7 @@ def mark(axes: Iterable[Axes], result: Outcome) -> list[Patch]:
     names, released = parts(result), result.released.astype(int)
     edges = [0, *(np.flatnonzero(np.diff(released)) + 1).tolist(), len(released)]
     panels = list(axes)
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         if released[begin]:
             alpha = _SHARE * released[begin] / len(names)
             span = result.t[begin], result.t[min(end, len(released) - 1)]
