@@ -68,7 +68,7 @@ def test_a_cloud_is_the_spheres_at_its_points(
 @given(cloud=clouds, radius=st.floats(0.001, 0.1))
 @settings(max_examples=60, deadline=None)
 def test_all_points_push_a_link_together(cloud: np.ndarray, radius: float) -> None:
-    """With the norm of their potentials (T192), from the distances of spheres; one point pushes as a sphere."""
+    """With the norm of their potentials (T192), by distances of spheres; one point pushes as a sphere."""
     near = cloud * [0.6, 0.6, 0.6] + [0.0, 0.0, 0.4]
     spheres = [vff.Obstacle.sphere(point, radius) for point in near]
     found = vff.distances(ARM, Q, DQ, spheres)
@@ -76,7 +76,7 @@ def test_all_points_push_a_link_together(cloud: np.ndarray, radius: float) -> No
     inside = np.clip(1.0 - np.maximum(d, 0.0) / 0.3, 0.0, None)
     potential = 20.0 * 0.3 / 3.0 * inside**3 + 20.0 * np.maximum(-d, 0.0)
     joined = (potential**8).sum(axis=1) ** (1 / 8)
-    share = np.divide(potential, joined[:, None], out=np.zeros_like(d), where=joined[:, None] > 0.0)
+    share = potential / np.where(joined > 0.0, joined, 1.0)[:, None]
     force = (share**7 * 20.0 * inside**2).ravel()
     law = terms(controller(), [vff.Obstacle.points(near, radius)])
     np.testing.assert_allclose(law.tau_vff, force @ found.gradient, rtol=1e-9, atol=1e-9)

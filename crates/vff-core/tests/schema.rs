@@ -12,9 +12,7 @@ use vff_core::control::force::ForceSettings;
 use vff_core::control::observer::{ObserverSettings, Touch};
 use vff_core::control::reaction::ReactionSettings;
 use vff_core::control::tank::TankSettings;
-use vff_core::control::{
-    CommandSettings, PreviewSettings, SelfMotionSettings, Settings, TaskMetric, Yielding,
-};
+use vff_core::control::{CommandSettings, PreviewSettings, SelfMotionSettings, Settings, Yielding};
 use vff_core::field::Field;
 use vff_core::perception::PerceiverSettings;
 use vff_core::scenario::SCHEMA;
@@ -175,9 +173,7 @@ fn defaults_that_depend_are_those_in_force() {
     }
     let settings = Yielding::default();
     says("activation", barrier::activation::<2>(&settings), barrier::activation::<3>(&settings));
-    let plane = barrier::weight::<2, 2>(&settings, &TaskMetric::new::<2>(1.0));
-    let space = barrier::weight::<3, 3>(&settings, &TaskMetric::new::<3>(1.0));
-    says("task_weight", plane[(0, 0)], space[(0, 0)]);
+    says("task_weight", barrier::task_weight::<2>(&settings), barrier::task_weight::<3>(&settings));
     says(
         "slack_weight",
         barrier::slack_weight::<2>(&settings),

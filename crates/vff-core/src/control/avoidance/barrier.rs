@@ -103,6 +103,11 @@ pub fn slack_weight<const D: usize>(settings: &Yielding) -> f64 {
     settings.slack_weight.unwrap_or(usual::<D>().slack_weight)
 }
 
+/// w_x \[kg\] in a space of dimension `D`.
+pub fn task_weight<const D: usize>(settings: &Yielding) -> f64 {
+    settings.task_weight.unwrap_or(usual::<D>().task_weight)
+}
+
 /// W_x = `task_weight` S², in the order in which the task gives way (T69, T193).
 #[derive(Debug, Clone)]
 pub(super) struct TaskWeight<const M: usize> {
@@ -114,7 +119,7 @@ pub(super) struct TaskWeight<const M: usize> {
 impl<const M: usize> TaskWeight<M> {
     /// In a space of dimension `D`.
     pub fn new<const D: usize>(settings: &Yielding, metric: &TaskMetric<M>) -> Self {
-        let plain = metric.weight() * settings.task_weight.unwrap_or(usual::<D>().task_weight);
+        let plain = metric.weight() * task_weight::<D>(settings);
         Self { plain, order: Order::of(settings), present: plain }
     }
 

@@ -454,7 +454,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
 
     /// How many parts of its task the end effector lets go (T193): 0 while it is held; None without an order of them.
     pub fn released(&self) -> Option<usize> {
-        (self.hold.len() > 1).then(|| if self.active { self.best.released } else { 0 })
+        (self.hold.len() > 1).then_some(if self.active { self.best.released } else { 0 })
     }
 
     /// Whether a candidate is being followed.
