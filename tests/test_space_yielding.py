@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull.draw.figures.tracking import tracking_error
 from vffnull.errors import ScenarioError
 from vffnull.evaluation import CONTROLLERS
 from vffnull.evaluation.scenes import in_space
@@ -132,7 +133,7 @@ def test_the_look_ahead_lets_go_in_order() -> None:
     released = result.metrics["released_time"]
     assert released == pytest.approx(1e-3 * np.count_nonzero(result.released), abs=2e-3)
     assert any("let go parts of the task" in line for line in result.headline.lines)
-    (figure,) = result.plot("error")
+    figure = tracking_error(result)
     assert "lets go turn, orientation" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
