@@ -170,24 +170,23 @@ fn sheet() -> Vec<[f64; 3]> {
 }
 
 /// A run among a cloud is that among spheres at its points, to the last bit: the arm, the torque, the clearance and every
-/// metric, however it gives way.
+/// metric, however it gives way without a field, whose push is joined (T192).
 #[test]
 fn a_cloud_is_its_spheres() {
     const MOVED: &str = "motion = { kind = 'linear', velocity = [0.0, 0.3, 0.0] }";
     const STILL: &str = "motion = { kind = 'static' }"; // where it will be is not rounded
     let controllers = [
-        "field = { kind = 'bounded', gain = 20.0, influence = 0.2, approach_damping = 0.3, sliding = 5.0 }",
-        "field = { kind = 'bounded', gain = 20.0, influence = 0.2 }, avoidance = 'relaxed'",
-        "field = { kind = 'bounded', gain = 20.0, influence = 0.2 }, avoidance = 'priority'",
-        "field = { kind = 'bounded', gain = 5.0, influence = 0.2 }, avoidance = 'cbf'",
-        "field = { kind = 'bounded', gain = 5.0, influence = 0.2 }, avoidance = 'cbf',
-         yielding = { preview = { trigger = 0.6 } }",
+        "avoidance = 'priority'",
+        "avoidance = 'cbf'",
+        "avoidance = 'cbf', yielding = { preview = { trigger = 0.6 } }",
     ];
-    let shift = [-0.1, -0.26, 0.55];
-    let points: Vec<_> = sheet().into_iter().map(|p| [0, 1, 2].map(|i| p[i] + shift[i])).collect();
     for (avoidance, controller) in controllers.into_iter().enumerate() {
+        // What stands is within the margin.
+        let shift = [-0.1, if avoidance == 2 { -0.14 } else { -0.2 }, 0.55];
+        let points: Vec<_> =
+            sheet().into_iter().map(|p| [0, 1, 2].map(|i| p[i] + shift[i])).collect();
         for control in ["hold", "predictor", "continuous"] {
-            let looks_ahead = avoidance == 4;
+            let looks_ahead = avoidance == 2;
             if control == "continuous" && looks_ahead {
                 continue;
             }
@@ -205,7 +204,7 @@ fn a_cloud_is_its_spheres() {
                 "{text}[[obstacles]]\n{motion}\n\
                  shape = {{ kind = 'points', points = {points:?}, radius = 0.015 }}\n"
             );
-            let mut spheres = text;
+            let mut spheres = text.clone();
             for point in &points {
                 let _ = write!(
                     spheres,
@@ -214,7 +213,8 @@ fn a_cloud_is_its_spheres() {
                 );
             }
             let [one, many] = [run(&cloud), run(&spheres)];
-            assert!(largest(&one.record.force) > 0.01, "nothing pushed: {controller}");
+            let alone = run(&text);
+            assert_ne!(one.record.q, alone.record.q, "nothing gives way: {controller}, {control}");
             assert_eq!(one.status, many.status);
             assert_eq!(one.record.q, many.record.q, "{controller}, {control}");
             assert_eq!(one.record.tau, many.record.tau);

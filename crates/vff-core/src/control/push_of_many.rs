@@ -56,6 +56,7 @@ impl<const D: usize> PushOfMany<D> {
     }
 
     /// Takes in another contact. Returns the push of those before, if they are of another pair.
+    #[inline(never)]
     pub fn add(&mut self, contact: &Contact<D>, part: &Part<D>) -> Option<Joined<D>> {
         let done = if self.pair == Some(contact.pair()) { None } else { self.finish() };
         if done.is_some() || self.pair.is_none() {

@@ -148,7 +148,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// Sums the field over all pairs (T26), but what the tip presses on in the direction `pressed`: nearest-only would jump when
-    /// another pair becomes nearest. Obstacles of many contacts push as [`PushOfMany`] says.
+    /// another pair becomes nearest. The contacts of a cloud are joined (T192).
     pub fn refresh<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -168,7 +168,8 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let bodies = robot.bodies();
         let mut clearance = std::mem::take(&mut self.clearance);
         let nearest = |link: usize, d: f64| keep_least(&mut clearance[link], d);
-        if surroundings.contact_count() > surroundings.obstacle_count() {
+        // There are no clouds in the plane.
+        if D > 2 && surroundings.contact_count() > surroundings.obstacle_count() {
             let mut many = PushOfMany::new();
             surroundings.for_each_contact(bodies, influence, nearest, |contact| {
                 if !is_pressed(robot, pressed, contact) {
@@ -243,6 +244,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// The part of one contact in what an obstacle of many pushes with.
+    #[inline(never)]
     fn part<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -264,6 +266,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// Adds what all contacts of a body with one obstacle push with.
+    #[inline(never)]
     fn push_joined<R: Robot<D, Wrench = W>>(&mut self, robot: &R, joined: &Joined<D>) {
         let Joined { link, part: Part { potential, point, force, powers }, moment } = joined;
         self.push_link(*link);

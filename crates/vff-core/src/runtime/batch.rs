@@ -288,7 +288,7 @@ mod tests {
         large.insert("duration".into(), toml::Value::Float(2.7));
         let documents = vec![large; 20];
         let error = Batch::new(&documents, true, 2).unwrap_err();
-        assert!(error.to_string().starts_with("20 records take up to 36"), "{error}");
+        assert!(error.to_string().starts_with("20 records take up to 37"), "{error}");
         assert!(Batch::new(&documents, false, 2).is_ok());
         assert!(Batch::new(&documents[..2], true, 2).is_ok());
     }

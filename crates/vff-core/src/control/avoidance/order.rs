@@ -5,6 +5,7 @@ use crate::control::TaskMetric;
 use crate::control::settings::{Part, Yielding};
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
+use std::ops::Range;
 
 /// How much more the next part weighs.
 const KEPT: f64 = 10.0;
@@ -47,13 +48,14 @@ impl Order {
     }
 
     /// The projector on the directions of a task at these places, in the rows of J, for an arm in a space of dimension `D`.
+    #[inline(never)]
     fn at<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
-        is_meant: impl Fn(usize) -> bool,
+        places: Range<usize>,
     ) -> SMatrix<f64, M, M> {
         let [turn, tilt, approach, across] = [self.turn, self.tilt, self.approach, self.across]
-            .map(|place| f64::from(u8::from(is_meant(place))));
+            .map(|place| f64::from(u8::from(places.contains(&place))));
         // The tool's axis: z of its frame in space, x in the plane.
         let axis = robot.link_frame(robot.dof()).1.column(if D > 2 { 2 } else { 0 }).into_owned();
         let block = |i: usize, k: usize, along: f64, beside: f64| {
@@ -72,6 +74,7 @@ impl Order {
     }
 
     /// W_x in this order: what gives way last weighs ten times as much, each place before that a tenth of the next (T69, T193).
+    #[inline(never)]
     pub fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
@@ -80,7 +83,7 @@ impl Order {
         let mut factor = KEPT;
         let mut sum = SMatrix::zeros();
         for place in (0..self.count()).rev() {
-            sum += self.at::<R, D, M>(robot, |other| other == place) * factor;
+            sum += self.at::<R, D, M>(robot, place..place + 1) * factor;
             factor /= KEPT;
         }
         // It is the same for all lengths, and for all angles.
@@ -93,20 +96,22 @@ impl Order {
         robot: &R,
         released: usize,
     ) -> SMatrix<f64, M, M> {
-        self.at(robot, |place| place >= released)
+        self.at(robot, released..self.count)
     }
 
     /// The part of one place in a task vector.
+    #[inline(never)]
     pub fn part<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
         place: usize,
         v: &SVector<f64, M>,
     ) -> SVector<f64, M> {
-        if self.count() == 1 { *v } else { self.at::<R, D, M>(robot, |other| other == place) * v }
+        if self.count() == 1 { *v } else { self.at::<R, D, M>(robot, place..place + 1) * v }
     }
 
     /// How large an error is \[m\] where each place counts a tenth of the one after it.
+    #[inline(never)]
     pub fn size<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
@@ -153,7 +158,7 @@ mod tests {
             let order = Order::new(&parts);
             let mut whole = SMatrix::<f64, 6, 6>::zeros();
             for place in 0..order.count() {
-                let one: SMatrix<f64, 6, 6> = order.at(&robot, |other| other == place);
+                let one: SMatrix<f64, 6, 6> = order.at(&robot, place..place + 1);
                 assert!((one * one - one).norm() < 1e-14, "{parts:?}");
                 assert!(one.trace() > 0.5, "{parts:?}: nothing at {place}");
                 whole += one;
