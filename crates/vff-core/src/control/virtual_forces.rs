@@ -169,25 +169,18 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let mut clearance = std::mem::take(&mut self.clearance);
         let nearest = |link: usize, d: f64| keep_least(&mut clearance[link], d);
         // There are no clouds in the plane.
-        if D > 2 && surroundings.contact_count() > surroundings.obstacle_count() {
-            let mut many = PushOfMany::new();
-            surroundings.for_each_contact(bodies, influence, nearest, |contact| {
-                if !is_pressed(robot, pressed, contact) {
-                    let part = self.part(robot, space, field, contact);
-                    if let Some(before) = many.add(contact, &part) {
-                        self.push_joined(robot, &before);
-                    }
+        let is_joined = D > 2 && surroundings.contact_count() > surroundings.obstacle_count();
+        let mut many = is_joined.then(PushOfMany::new);
+        surroundings.for_each_contact(bodies, influence, nearest, |contact| {
+            if !is_pressed(robot, pressed, contact) {
+                match &mut many {
+                    None => self.push(robot, space, field, contact),
+                    Some(many) => self.join(robot, space, field, contact, many),
                 }
-            });
-            if let Some(last) = many.finish() {
-                self.push_joined(robot, &last);
             }
-        } else {
-            surroundings.for_each_contact(bodies, influence, nearest, |contact| {
-                if !is_pressed(robot, pressed, contact) {
-                    self.push(robot, space, field, contact);
-                }
-            });
+        });
+        if let Some(last) = many.and_then(|mut many| many.finish()) {
+            self.push_joined(robot, &last);
         }
         self.clearance = clearance;
         if gains.self_collision != SelfCollision::Ignore {
@@ -243,15 +236,16 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot.add_force(&mut self.wrenches, *link, point, &force);
     }
 
-    /// The part of one contact in what an obstacle of many pushes with.
+    /// Takes in one contact with an obstacle of many, and adds the push of those before if they are of another pair.
     #[inline(never)]
-    fn part<R: Robot<D, Wrench = W>, const M: usize>(
+    fn join<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
         field: &Field,
         contact: &Contact<D>,
-    ) -> Part<D> {
+        many: &mut PushOfMany<D>,
+    ) {
         let response = field.at(contact.distance);
         let mut force = contact.normal * response.force;
         let mut damped = 0.0;
@@ -262,7 +256,10 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             damped = power;
         }
         let powers = [force.dot(&contact.velocity), damped];
-        Part { potential: response.potential, point: contact.point, force, powers }
+        let part = Part { potential: response.potential, point: contact.point, force, powers };
+        if let Some(before) = many.add(contact, &part) {
+            self.push_joined(robot, &before);
+        }
     }
 
     /// Adds what all contacts of a body with one obstacle push with.
