@@ -181,7 +181,6 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
     /// `enough(forecast, s)` holds after s seconds. None where the time of this control cycle is over before that: then it is
     /// to go on in the next.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
-    #[inline(never)] // three times
     pub fn go_on(
         &mut self,
         candidate: &Candidate,
