@@ -56,7 +56,9 @@ def test_the_schema_gives_every_key() -> None:
         for key in _keys.written(document):
             parts = ["0" if part.isdecimal() else part for part in key.split(".")]
             table = any(each.startswith(".".join([*parts, ""])) for each in _keys.known())
-            inside = parts[0] in ("arm", "obstacles", "wrenches") and {"shape", "motion", "profile"} & set(parts)
+            inside = parts[0] in ("arm", "obstacles", "wrenches") and {"shape", "motion", "profile"} & set(
+                parts
+            )
             assert ".".join(parts) in _keys.known() or table or inside, key
     for key in ("controller.joint_limit_field.gain", "controller.yielding.rate", "actuator.time_constant"):
         assert key in _keys.known()
