@@ -60,6 +60,7 @@ SHORTER = {
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/interrupt.py": "python benches/interrupt.py --tries 51",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",
+    "python benches/order.py": "python benches/order.py 2",
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
     "python benches/studies.py": "python benches/studies.py --quick",
     "python benches/studies.py --long 1000000": "python benches/studies.py --long 10000",
