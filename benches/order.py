@@ -16,6 +16,7 @@ import warnings
 import numpy as np
 
 import vffnull as vff
+from vffnull._core import matrices
 from vffnull.evaluation import CONTROLLERS, scenes
 
 ARMS = ("panda", "iiwa14", "ur5e")
@@ -28,8 +29,7 @@ def scores(result: vff.Result) -> list[float]:
     """Whether one run collided; whether it kept position, tool axis and pose; how long it let go of some."""
     assert result.orientation is not None
     position, turn = np.split(result.error, 2, axis=1)
-    w, x, y, z = result.orientation.T
-    axis = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    axis = matrices(result.orientation)[:, :, 2]
     tilt = turn - axis * np.sum(turn * axis, axis=1, keepdims=True)
     free = result.status == "completed" and result.metrics.min_clearance > -1e-3
     off, tilted, turned = (np.linalg.norm(e, axis=1).max() for e in (position, tilt, turn))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull._core import matrices
 from vffnull.draw.figures.tracking import tracking_error
 from vffnull.errors import ScenarioError
 from vffnull.evaluation import CONTROLLERS
@@ -74,8 +75,7 @@ def yielding(*order: str) -> dict[str, float]:
     assert result.status == "completed" and result.metrics.min_clearance > 0.018
     assert np.abs(result.error[-1]).max() < 1e-4
     assert result.orientation is not None
-    w, x, y, z = result.orientation.T
-    axis = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    axis = matrices(result.orientation)[:, :, 2]
     position, turn = np.split(result.error, 2, axis=1)
     along = [np.sum(part * axis, axis=1, keepdims=True) for part in (position, turn)]
     across = [part - axis * size for part, size in zip((position, turn), along, strict=True)]

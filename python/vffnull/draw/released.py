@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
     from vffnull.model.outcome import Outcome
 
-__all__ = ["mark", "parts"]
+__all__ = ["mark"]
 
 _SHARE = 0.28
 
 
-def parts(result: Outcome) -> list[str]:
+def _parts(result: Outcome) -> list[str]:
     """The parts of the task in the order in which they give way; the last is what is not named."""
     order = result.scenario.to_dict()["controller"].get("yielding", {}).get("order") or []
     whole = {"position", "orientation"} <= set(order)
@@ -32,7 +32,7 @@ def mark(axes: Iterable[Axes], result: Outcome) -> list[Patch]:
     """Shade the times at which parts are let go. Returns what belongs into a legend."""
     if result.released is None or not result.released.any():
         return []
-    names, released = parts(result), result.released.astype(int)
+    names, released = _parts(result), result.released.astype(int)
     edges = [0, *(np.flatnonzero(np.diff(released)) + 1).tolist(), len(released)]
     panels = list(axes)
     for begin, end in pairwise(edges):

@@ -59,7 +59,7 @@ impl<const D: usize> PushOfMany<D> {
     #[inline(never)]
     pub fn add(&mut self, contact: &Contact<D>, part: &Part<D>) -> Option<Joined<D>> {
         let done = if self.pair == Some(contact.pair()) { None } else { self.finish() };
-        if done.is_some() || self.pair.is_none() {
+        if self.pair.is_none() {
             *self = Self { pair: Some(contact.pair()), origin: part.point, ..Self::new() };
         }
         let Part { potential, point, force, powers } = part;
@@ -90,7 +90,7 @@ impl<const D: usize> PushOfMany<D> {
             std::mem::replace(self, Self::new());
         let link = pair?.link;
         // Sums are at least 1 but for rounding: the largest has its part in them.
-        let root = sum.sqrt().sqrt().sqrt();
+        let root = eighth_root(sum);
         let share = root / sum;
         (sum > 0.0).then(|| Joined {
             link,
@@ -113,7 +113,7 @@ pub(super) fn ratios(potentials: &[f64]) -> (f64, Vec<f64>) {
     }
     let eighth = |ratio: f64| to_the_seventh(ratio) * ratio;
     let sum: f64 = potentials.iter().map(|potential| eighth(potential / most)).sum();
-    let norm = most * sum.sqrt().sqrt().sqrt();
+    let norm = most * eighth_root(sum);
     (norm, potentials.iter().map(|potential| potential / norm).collect())
 }
 
@@ -121,6 +121,11 @@ pub(super) fn ratios(potentials: &[f64]) -> (f64, Vec<f64>) {
 pub(super) fn to_the_seventh(ratio: f64) -> f64 {
     let square = ratio * ratio;
     square * square * square * ratio
+}
+
+/// From the roots that are exact, so that it is the same on every processor.
+fn eighth_root(sum: f64) -> f64 {
+    sum.sqrt().sqrt().sqrt()
 }
 
 /// The moment of a force; in the plane it is about the axis that comes out of it.

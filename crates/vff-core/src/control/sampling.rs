@@ -111,15 +111,16 @@ fn add_springs(
         let one = of_a_pair.into_iter();
         return one.for_each(|(row, d)| add(row, field.at(d).stiffness, d));
     }
-    let potentials: Vec<f64> = of_a_pair.iter().map(|(_, d)| field.at(*d).potential).collect();
+    let responses: Vec<Response> = of_a_pair.iter().map(|(_, d)| field.at(*d)).collect();
+    let potentials: Vec<f64> = responses.iter().map(|response| response.potential).collect();
     let (norm, ratios) = ratios(&potentials);
     let mut push = vec![0.0; of_a_pair[0].0.len()];
-    for ((row, d), u) in of_a_pair.iter().zip(&ratios) {
-        let weight = to_the_seventh(*u) * field.at(*d).force;
+    for (((row, _), response), u) in of_a_pair.iter().zip(&responses).zip(&ratios) {
+        let weight = to_the_seventh(*u) * response.force;
         push.iter_mut().zip(row).for_each(|(push, row)| *push += weight * row);
     }
-    for ((row, d), u) in of_a_pair.into_iter().zip(ratios) {
-        let Response { force, stiffness, .. } = field.at(d);
+    for (((row, d), response), u) in of_a_pair.into_iter().zip(responses).zip(ratios) {
+        let Response { force, stiffness, .. } = response;
         if force > 0.0 {
             let beside = row.iter().zip(&push).map(|(row, push)| row - u / force * push).collect();
             add(beside, 7.0 * u.powi(6) * force * force / norm, d);

@@ -113,22 +113,18 @@ pub fn task_weight<const D: usize>(settings: &Yielding) -> f64 {
 pub(super) struct TaskWeight<const M: usize> {
     plain: SMatrix<f64, M, M>,
     order: Order,
-    present: SMatrix<f64, M, M>,
 }
 
 impl<const M: usize> TaskWeight<M> {
     /// In a space of dimension `D`.
     pub fn new<const D: usize>(settings: &Yielding, metric: &TaskMetric<M>) -> Self {
         let plain = metric.weight() * task_weight::<D>(settings);
-        Self { plain, order: Order::of(settings), present: plain }
+        Self { plain, order: Order::of(settings) }
     }
 
     /// Where the tool is.
-    pub fn at<R: Robot<D>, const D: usize>(&mut self, robot: &R) -> &SMatrix<f64, M, M> {
-        if self.order.count() > 1 {
-            self.present = self.order.weigh(robot, &self.plain);
-        }
-        &self.present
+    pub fn at<R: Robot<D>, const D: usize>(&self, robot: &R) -> SMatrix<f64, M, M> {
+        if self.order.count() > 1 { self.order.weigh(robot, &self.plain) } else { self.plain }
     }
 }
 

@@ -109,7 +109,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         let Situation { robot, space, bias, range, .. } = *situation;
         let Self { weight, pairs, own, barrier, slack, .. } = self;
         *slack =
-            barrier.act(robot, space, weight.at(robot), Kept { pairs, own, range }, bias, torque);
+            barrier.act(robot, space, &weight.at(robot), Kept { pairs, own, range }, bias, torque);
     }
 
     fn slack(&self) -> Option<f64> {

@@ -147,7 +147,7 @@ impl<const M: usize> Limiter<M> {
             || !self.barrier.is_calm(robot, &torque.total, bias)
         {
             let kept = Kept { pairs, own: &[], range };
-            self.barrier.act(robot, space, self.weight.at(robot), kept, bias, torque);
+            self.barrier.act(robot, space, &self.weight.at(robot), kept, bias, torque);
         }
     }
 }

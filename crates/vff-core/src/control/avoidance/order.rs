@@ -47,15 +47,16 @@ impl Order {
         self.count
     }
 
-    /// The projector on the directions of a task at these places, in the rows of J, for an arm in a space of dimension `D`.
+    /// The matrix, in the rows of J, that multiplies the directions of a task at each place by its factor, for an arm in a space of
+    /// dimension `D`.
     #[inline(never)]
-    fn at<R: Robot<D>, const D: usize, const M: usize>(
+    fn scaled<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
-        places: Range<usize>,
+        factor: &dyn Fn(usize) -> f64,
     ) -> SMatrix<f64, M, M> {
-        let [turn, tilt, approach, across] = [self.turn, self.tilt, self.approach, self.across]
-            .map(|place| f64::from(u8::from(places.contains(&place))));
+        let [turn, tilt, approach, across] =
+            [self.turn, self.tilt, self.approach, self.across].map(factor);
         // The tool's axis: z of its frame in space, x in the plane.
         let axis = robot.link_frame(robot.dof()).1.column(if D > 2 { 2 } else { 0 }).into_owned();
         let block = |i: usize, k: usize, along: f64, beside: f64| {
@@ -73,21 +74,24 @@ impl Order {
         })
     }
 
+    /// The projector on the directions of a task at these places.
+    fn at<R: Robot<D>, const D: usize, const M: usize>(
+        &self,
+        robot: &R,
+        places: Range<usize>,
+    ) -> SMatrix<f64, M, M> {
+        self.scaled(robot, &|place| f64::from(u8::from(places.contains(&place))))
+    }
+
     /// W_x in this order: what gives way last weighs ten times as much, each place before that a tenth of the next (T69, T193).
-    #[inline(never)]
     pub fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
         weight: &SMatrix<f64, M, M>,
     ) -> SMatrix<f64, M, M> {
-        let mut factor = KEPT;
-        let mut sum = SMatrix::zeros();
-        for place in (0..self.count()).rev() {
-            sum += self.at::<R, D, M>(robot, place..place + 1) * factor;
-            factor /= KEPT;
-        }
+        let factor = |place: usize| (place + 1..self.count).fold(KEPT, |factor, _| factor / KEPT);
         // It is the same for all lengths, and for all angles.
-        weight * sum
+        weight * self.scaled::<R, D, M>(robot, &factor)
     }
 
     /// The directions that are held where the first `released` places are let go.
@@ -100,7 +104,6 @@ impl Order {
     }
 
     /// The part of one place in a task vector.
-    #[inline(never)]
     pub fn part<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
@@ -111,7 +114,6 @@ impl Order {
     }
 
     /// How large an error is \[m\] where each place counts a tenth of the one after it.
-    #[inline(never)]
     pub fn size<R: Robot<D>, const D: usize, const M: usize>(
         &self,
         robot: &R,
@@ -121,11 +123,7 @@ impl Order {
         if self.count() == 1 {
             return metric.norm(e);
         }
-        let mut square = 0.0;
-        for place in 0..self.count() {
-            square = square / KEPT + metric.norm(&self.part::<R, D, M>(robot, place, e)).powi(2);
-        }
-        square.sqrt()
+        (e.dot(&(self.weigh(robot, &metric.weight()) * e)) / KEPT).sqrt()
     }
 }
 
