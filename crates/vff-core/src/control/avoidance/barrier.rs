@@ -119,7 +119,7 @@ impl<const M: usize> TaskWeight<M> {
     /// In a space of dimension `D`.
     pub fn new<const D: usize>(settings: &Yielding, metric: &TaskMetric<M>) -> Self {
         let plain = metric.weight() * task_weight::<D>(settings);
-        Self { plain, order: Order::of(settings) }
+        Self { plain, order: Order::of::<D, M>(settings) }
     }
 
     /// Where the tool is.

@@ -23,23 +23,29 @@ pub(crate) struct Order {
 }
 
 impl Order {
-    /// That of the settings.
-    pub fn of(settings: &Yielding) -> Self {
-        Self::new(settings.order.as_deref().unwrap_or_default())
+    /// That of the settings, for a task of dimension `M` in a space of dimension `D`.
+    pub fn of<const D: usize, const M: usize>(settings: &Yielding) -> Self {
+        Self::new::<D, M>(settings.order.as_deref().unwrap_or_default())
     }
 
-    /// That of these parts; those that are not named come last.
-    pub fn new(parts: &[Part]) -> Self {
+    /// That of these parts; those that are not named come last. What the task does not have takes no place.
+    pub fn new<const D: usize, const M: usize>(parts: &[Part]) -> Self {
         let place = |part: Part| parts.iter().position(|named| *named == part);
-        let [turn, tilt, approach, across] = [
+        let places = [
             place(Part::Turn).or(place(Part::Orientation)),
             place(Part::Orientation),
             place(Part::Approach).or(place(Part::Position)),
             place(Part::Position),
         ]
         .map(|place| place.unwrap_or(parts.len()));
-        let count = 1 + turn.max(tilt).max(approach).max(across);
-        Self { turn, tilt, approach, across, count }
+        let there = [M == 2 * D, M > D, true, true];
+        let mut taken: Vec<usize> =
+            places.into_iter().zip(there).filter_map(|(at, there)| there.then_some(at)).collect();
+        taken.sort_unstable();
+        taken.dedup();
+        let [turn, tilt, approach, across] =
+            places.map(|at| taken.iter().position(|place| *place == at).unwrap_or(0));
+        Self { turn, tilt, approach, across, count: taken.len() }
     }
 
     /// How many places there are: 1 where all give way alike.
@@ -153,7 +159,7 @@ mod tests {
             vec![Approach, Position],
             vec![Position],
         ] {
-            let order = Order::new(&parts);
+            let order = Order::new::<3, 6>(&parts);
             let mut whole = SMatrix::<f64, 6, 6>::zeros();
             for place in 0..order.count() {
                 let one: SMatrix<f64, 6, 6> = order.at(&robot, place..place + 1);
@@ -165,7 +171,7 @@ mod tests {
             let nothing: SMatrix<f64, 6, 6> = order.held(&robot, order.count());
             assert!(nothing.iter().all(|entry| *entry == 0.0));
         }
-        let order = Order::new(&[Turn, Orientation, Approach, Position]);
+        let order = Order::new::<3, 6>(&[Turn, Orientation, Approach, Position]);
         let along = SVector::<f64, 6>::from_fn(|i, _| if i < 3 { 0.0 } else { axis[i - 3] });
         assert!((order.part(&robot, 0, &along) - along).norm() < 1e-14);
         let forward = SVector::<f64, 6>::from_fn(|i, _| if i < 3 { axis[i] } else { 0.0 });
@@ -180,5 +186,21 @@ mod tests {
                 && (sizes[1] - 1.0 / 10f64.sqrt()).abs() < 1e-12,
             "{sizes:?}"
         );
+    }
+    /// A part that the task does not have takes no place: there would be nothing to let go, and what is named would weigh less.
+    #[test]
+    fn what_a_task_does_not_have_takes_no_place() {
+        use Part::{Approach, Orientation, Position};
+        assert_eq!(Order::new::<3, 3>(&[Position]).count(), 1);
+        assert_eq!(Order::new::<3, 3>(&[Approach, Position]).count(), 2);
+        assert_eq!(Order::new::<3, 5>(&[Orientation]).count(), 2);
+        assert_eq!(Order::new::<2, 3>(&[Position]).count(), 2);
+        let robot = panda();
+        let axis = robot.link_frame(7).1.column(2).into_owned();
+        let metric = TaskMetric::<3>::new::<3>(0.2);
+        let order = Order::new::<3, 3>(&[Approach, Position]);
+        let weight = order.weigh::<_, 3, 3>(&robot, &metric.weight());
+        assert!((axis.dot(&(weight * axis)) - 1.0).abs() < 1e-12);
+        assert!((weight.trace() - 21.0).abs() < 1e-12);
     }
 }

@@ -116,7 +116,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             follow: 1.0 - (-RATE * step).exp(),
             margin: yielding.margin,
             metric,
-            order: Order::of(yielding),
+            order: Order::of::<D, M>(yielding),
         }
     }
 
