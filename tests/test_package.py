@@ -387,12 +387,13 @@ def test_the_library_is_stripped() -> None:
     the self-motion, cameras, planes between hulls and parts of a task, 9.8 MB are left.
     """
     library = Path(vff._core.__file__).read_bytes()
-    assert len(library) < 9_900_000
+    size = len(library)
+    assert size < 9_900_000
     if library.startswith(b"\x7fELF\x02"):
         # The names of the sections: the text of the code may contain the same words.
         (table,) = struct.unpack_from("<Q", library, 0x28)
-        size, _, index = struct.unpack_from("<HHH", library, 0x3A)
-        start, length = struct.unpack_from("<QQ", library, table + index * size + 0x18)
+        entry, _, index = struct.unpack_from("<HHH", library, 0x3A)
+        start, length = struct.unpack_from("<QQ", library, table + index * entry + 0x18)
         names = library[start : start + length].split(b"\0")
         assert b".text" in names
         assert not [name for name in names if name.startswith(b".debug") or name == b".symtab"]
