@@ -4,6 +4,7 @@
     python benches/motion_bench.py --problems 100        all of them
     python benches/motion_bench.py --first 11            ten others than those that planning was tuned on
     python benches/motion_bench.py --robots panda --collision file
+    python benches/motion_bench.py --goals pose          the goal is where its configuration has the tool
 
 The problems (Chamzas et al., 2022) come with URDF, SRDF and meshes in the source distribution of
 vamp-planner, which pip fetches; nothing of it is kept here. The judge is Pinocchio with Coal: the original
@@ -38,7 +39,7 @@ import vffnull as vff
 SOURCE = "vamp-planner==0.6.4"
 TIPS = {"panda": "panda_grasptarget", "ur5": "tool0"}
 SIDES = 32  # of the prism around a cylinder
-STATES = ("start blocked", "goal blocked", "not found", "too heavy")
+STATES = ("start blocked", "goal blocked", "goal out of reach", "not found", "too heavy")
 STEP = 1e-3  # from one configuration that is judged to the next [s]
 
 
@@ -159,8 +160,9 @@ class Judge:
         return sorted(touched)
 
 
-def solve(arm: vff.Arm, problem: Problem, judge: Judge, seed: int, paths: int) -> Row:
+def solve(arm: vff.Arm, problem: Problem, judge: Judge, goals: str, seed: int, paths: int) -> Row:
     """Plan, and let the plan be judged."""
+    goal: Any = problem.goal if goals == "configuration" else arm.pose(problem.goal)
     scene = vff.Scenario(
         arm=arm,
         q0=problem.start,
@@ -170,7 +172,7 @@ def solve(arm: vff.Arm, problem: Problem, judge: Judge, seed: int, paths: int) -
         obstacles=[obstacle(body) for body in problem.bodies],
     )
     before = time.process_time()
-    plan = vff.plan(scene, problem.goal, seed=seed, paths=paths)
+    plan = vff.plan(scene, goal, seed=seed, paths=paths)
     row = Row(problem, str(plan.status), plan.message, time.process_time() - before)
     if plan.status == "found":
         row.duration, row.margin = plan.duration, plan.margin
@@ -209,6 +211,7 @@ def main() -> None:
     parser.add_argument("--collision", choices=["fit", "file"], default="fit", help="shapes of the links")
     parser.add_argument("--pieces", nargs=2, action="append", default=[], metavar=("LINK", "COUNT"),
                         help="with `file`: hulls that the mesh of a link may become")  # fmt: skip
+    parser.add_argument("--goals", choices=["configuration", "pose"], default="configuration")
     parser.add_argument("--paths", type=int, default=4, help="of which the shortest is taken")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--resources", type=Path, help="unpacked already")
@@ -234,7 +237,7 @@ def main() -> None:
             for problem in problems(robot, joints, given.first, given.first + given.problems - 1):
                 if given.families and problem.family not in given.families:
                     continue
-                rows.append(solve(arm, problem, judge, given.seed, given.paths))
+                rows.append(solve(arm, problem, judge, given.goals, given.seed, given.paths))
                 row = rows[-1]
                 what = row.message if row.status != "found" else "; ".join(row.touches)
                 print(f"{name} {problem.family} {problem.number}: {row.status}, {row.taken:.2f} s. {what}",
