@@ -13,7 +13,7 @@ import vffnull._core as _core
 from vffnull._support.arguments import number, whole
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.model.document import Document
-from vffnull.model.scenario import Scenario, ScenarioLike, prepare
+from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.planning.motion import Plan, PlanStatus
 
 __all__ = ["Goal", "plan"]
@@ -96,10 +96,10 @@ def plan(
     found
     """
     ready = prepare(scenario)
-    document = ready.to_dict()
+    document, arm = ready.to_dict(), ready.arm
     joints = len(document["q0"])
     begun = clock.perf_counter()
-    aimed, configuration = _aimed(document, goal, ready.arm.dimension)
+    aimed, configuration = _aimed(document, goal, arm.dimension)
     found = _core.plan(
         aimed,
         goal=configuration,
@@ -112,13 +112,10 @@ def plan(
         paths=whole("paths", paths, 1, _MAX_PATHS),
         seed=whole("seed", seed, 0, 2**64 - 1),
     )
-    return _finished(ready, found, clock.perf_counter() - begun)
-
-
-def _finished(ready: Scenario, found: dict[str, Any], wall_time: float) -> Plan:
-    tip = np.array(ready.arm.forward_kinematics(found["q"])[:, -1])
+    wall_time = clock.perf_counter() - begun
+    tip = np.array(arm.forward_kinematics(found["q"])[:, -1])
     status = PlanStatus(found.pop("status"))
-    ignored = tuple((str(a), str(b)) for a, b in _ignored(ready.to_dict()["arm"]))
+    ignored = tuple((str(a), str(b)) for a, b in _ignored(document["arm"]))
     return Plan(status=status, tip=tip, wall_time=wall_time, ignored=ignored, **found)
 
 

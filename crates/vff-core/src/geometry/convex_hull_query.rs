@@ -373,6 +373,10 @@ impl Convex for Hull {
         Self::offset(self, point)
     }
 
+    fn farthest(&self, direction: &Vector<3>) -> Vector<3> {
+        self.corners[self.farthest_corner(direction)].point
+    }
+
     fn for_each_corner(&self, mut visit: impl FnMut(&Vector<3>, Onward<'_>)) {
         self.corners.iter().for_each(|corner| visit(&corner.point, Onward::Along(&corner.along)));
     }

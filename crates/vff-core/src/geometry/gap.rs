@@ -2,7 +2,8 @@
 //! nearest.
 //!
 //! parry's GJK looks for a plane between them, and the plane is the proof, whoever found it: all of one lies on one side, all of the
-//! other so far on the other side. Where a plane tells that they are farther apart than is asked, the search ends.
+//! other so far on the other side. Where a plane tells that they are farther apart than is asked, the search ends; and the plane that
+//! told it last is asked before there is a search.
 
 use super::{Convex, Form, PlacedHull, Probe};
 use crate::math::Vector;
@@ -10,65 +11,91 @@ use parry3d_f64::math::{Pose, Vector as Vec3};
 use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
 use parry3d_f64::shape::SupportMap;
 
-/// What parry asks of something convex.
-struct Farthest<F>(F);
+/// A hull, and something convex in whose frame it is, as parry asks for them.
+struct Own<'a>(&'a PlacedHull<'a, 3>);
+struct Other<'a, C>(&'a C);
 
-impl<F: Fn(&Vector<3>) -> Vector<3>> SupportMap for Farthest<F> {
+impl SupportMap for Own<'_> {
     fn local_support_point(&self, direction: Vec3) -> Vec3 {
-        let [x, y, z] = direction.to_array();
-        Vec3::from_array((self.0)(&Vector::<3>::new(x, y, z)).into())
+        let direction = self.0.rotation.tr_mul(&Vector::from(direction.to_array()));
+        let farthest = self.0.hull.farthest_corner(&direction);
+        Vec3::from_array(self.0.placed(&self.0.hull.corners[farthest].point).into())
+    }
+}
+
+impl<C: Convex> SupportMap for Other<'_, C> {
+    fn local_support_point(&self, direction: Vec3) -> Vec3 {
+        Vec3::from_array(self.0.farthest(&Vector::from(direction.to_array())).into())
+    }
+
+    /// It is where it is.
+    fn support_point(&self, _: &Pose, direction: Vec3) -> Vec3 {
+        self.local_support_point(direction)
     }
 }
 
 impl PlacedHull<'_, 3> {
     /// The distance from something convex of this `radius` \[m\], in whose frame it is: never more than that, and less by
-    /// rounding alone. From `limit` \[m\] on, `limit`; where the cores overlap, −∞; NaN where something is undefined.
-    pub(crate) fn gap(&self, other: &impl Convex, radius: f64, limit: f64) -> f64 {
-        let own = Farthest(|direction: &Vector<3>| {
-            let direction = self.rotation.tr_mul(direction);
-            let corners = self.hull.corners.iter().map(|corner| &corner.point);
-            let ahead = corners.map(|point| (direction.dot(point), point));
-            let farthest = ahead.reduce(|best, next| if next.0 > best.0 { next } else { best });
-            farthest.map_or(self.position, |(_, point)| self.placed(point))
-        });
-        let others = Farthest(|direction: &Vector<3>| other.farthest(direction));
-        let first = Vec3::from_array((-self.position).into());
+    /// rounding alone. From `limit` on, `limit`; where the cores overlap, −∞; NaN where something is undefined. The `plane` that
+    /// was between them, by its normal, is asked first, and becomes the one that was found; 0 where none is known.
+    pub(crate) fn gap(
+        &self,
+        other: &impl Convex,
+        radius: f64,
+        limit: f64,
+        plane: &mut Vector<3>,
+    ) -> f64 {
+        let (own, others) = (Own(self), Other(other));
         let seen =
             |direction: Vec3| CsoPoint::from_shapes(&Pose::IDENTITY, &own, &others, direction);
+        let is_known = plane.norm_squared() > 0.0;
+        let first = Vec3::from_array(if is_known { *plane } else { -self.position }.into());
         let begin = seen(first);
         if !(begin.point.length() + self.rotation.sum()).is_finite() {
             return f64::NAN;
         }
+        let most = limit + radius;
+        if is_known && -first.dot(begin.point) >= most {
+            return limit;
+        }
         let mut simplex = VoronoiSimplex::new();
         simplex.reset(begin);
-        let most = limit + radius;
         match closest_points(&Pose::IDENTITY, &own, &others, most.max(0.0), true, &mut simplex) {
-            GJKResult::ClosestPoints(.., direction) => {
-                let apart = -direction.dot(seen(direction).point);
-                (apart - radius).min(limit)
+            // A search that gives up names any plane.
+            GJKResult::ClosestPoints(.., normal) | GJKResult::NoIntersection(normal) => {
+                *plane = normal.to_array().into();
+                (-normal.dot(seen(normal).point) - radius).min(limit)
             }
-            GJKResult::NoIntersection(_) => limit,
             _ => f64::NEG_INFINITY,
         }
     }
 }
 
-/// [`PlacedHull::gap`] of two bodies, of which one is a hull at least; of two capsules ∞.
-pub(crate) fn gap_between([a, b]: [&Form<'_>; 2], limit: f64) -> f64 {
+/// [`PlacedHull::gap`] of two bodies, of which one is a hull at least, with the `plane` as the world sees it; of two capsules ∞.
+pub(crate) fn gap_between([a, b]: [&Form<'_>; 2], limit: f64, plane: &mut Vector<3>) -> f64 {
     match (&a.1, &b.1) {
         (None, None) => f64::INFINITY,
         (Some(hull), None) => {
             // About the end of the axis, for what rounding makes of a long way.
             let position = hull.position - b.0.start;
             let axis = Probe { start: Vector::zeros(), ..b.0 };
-            PlacedHull { position, ..*hull }.gap(&axis, axis.radius, limit)
+            PlacedHull { position, ..*hull }.gap(&axis, axis.radius, limit, plane)
         }
-        (None, Some(_)) => gap_between([b, a], limit),
+        (None, Some(_)) => {
+            // It lies on the other side of the plane then.
+            plane.neg_mut();
+            let gap = gap_between([b, a], limit, plane);
+            plane.neg_mut();
+            gap
+        }
         (Some(hull), Some(other)) => {
             let rotation = other.rotation.tr_mul(hull.rotation);
             let position = other.seen(&hull.position);
-            PlacedHull { hull: hull.hull, rotation: &rotation, position }
-                .gap(other.hull, 0.0, limit)
+            *plane = other.rotation.tr_mul(plane);
+            let gap = PlacedHull { hull: hull.hull, rotation: &rotation, position }
+                .gap(other.hull, 0.0, limit, plane);
+            *plane = other.rotation * *plane;
+            gap
         }
     }
 }
@@ -97,9 +124,20 @@ mod tests {
             let rotation = *Rotation3::new(Vector3::from(turn)).matrix();
             let placed = PlacedHull { hull: &hull, rotation: &rotation, position: Vector::from(away) };
             let axis = capsule(others[0], others[1], 0.0);
+            let gap = |plane: [f64; 3]| {
+                let mut planes = [Vector::<3>::from(plane); 2];
+                let [one, two] = &mut planes;
+                let found = [placed.gap(&other, 0.0, limit, one), placed.gap(&axis, radius, limit, two)];
+                (found, planes)
+            };
+            // Without a plane that is known, with the one that was found, and with any.
+            let (first, found) = gap([0.0; 3]);
+            let again = [0, 1].map(|k| gap(found[k].into()).0[k]);
+            let unit = Vector::<3>::from(turn).normalize();
+            for bounded in [first, again, gap(unit.into()).0] {
             for (exact, radius, bounded) in [
-                (placed.meet(&other).nearest.distance, 0.0, placed.gap(&other, 0.0, limit)),
-                (placed.meet(&axis).nearest.distance, radius, placed.gap(&axis, radius, limit)),
+                (placed.meet(&other).nearest.distance, 0.0, bounded[0]),
+                (placed.meet(&axis).nearest.distance, radius, bounded[1]),
             ] {
                 let distance = exact - radius;
                 if exact <= 1e-9 {
@@ -111,6 +149,7 @@ mod tests {
                     prop_assert!(bounded <= expected + 1e-12);
                 }
             }
+            }
         }
     }
 
@@ -121,7 +160,7 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY] {
             let position = Vector::<3>::new(bad, 0.0, 0.0);
             let placed = PlacedHull { hull: &hull, rotation: &rotation, position };
-            assert!(placed.gap(&hull, 0.0, 1.0).is_nan());
+            assert!(placed.gap(&hull, 0.0, 1.0, &mut Vector::zeros()).is_nan());
         }
     }
 }

@@ -2,8 +2,11 @@
 
 mod build;
 mod enclosing;
+mod farthest;
 
 pub use build::{HullError, MAX_CORNERS, check_hull, faces_of_hull};
+
+use farthest::Columns;
 
 use super::axis::{Nearest, PARALLEL, Probe, within};
 use super::segment::{Feet, between, feet};
@@ -25,6 +28,7 @@ use crate::math::{Capsule, Feature, TOUCHING, Vector};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull<const D: usize = 3> {
     pub(crate) corners: Vec<Corner<D>>,
+    columns: Columns,
     pub(crate) edges: Vec<Edge<D>>,
     /// At most as many as there are bits in [`Facing`].
     pub(crate) faces: Vec<Face<D>>,

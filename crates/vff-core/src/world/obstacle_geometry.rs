@@ -170,16 +170,38 @@ pub trait ObstacleGeometry<const D: usize>: Clone + Debug + Send + 'static {
 
     /// How far a body is at least \[m\], the capsule that was made ready or the hull that it is `around`: never more than their
     /// distance, and less by rounding alone (T194). From `limit` on, anything that is not below; where they overlap, anything that
-    /// is negative and not less deep.
+    /// is negative and not less deep. `plane` is the normal, as the obstacle sees it and towards it, of the plane that told them apart
+    /// last, and is asked first; 0 where none is known. What is told is so along the normal that is left there, if one is.
     fn at_least(
         &self,
         hull: Option<&PlacedHull<'_, D>>,
         around: &Self::Probe,
         state: &MotionState<D>,
         limit: f64,
+        plane: &mut Vector<D>,
     ) -> f64 {
         let _ = hull;
-        self.distance_below(around, state, limit)
+        self.capsule_at_least(around, state, limit, plane)
+    }
+
+    /// The same of a capsule, by its contact where it is near.
+    #[doc(hidden)]
+    fn capsule_at_least(
+        &self,
+        around: &Self::Probe,
+        state: &MotionState<D>,
+        limit: f64,
+        plane: &mut Vector<D>,
+    ) -> f64 {
+        if plane.norm_squared() == 0.0 {
+            let distance = self.distance_below(around, state, limit);
+            if distance >= limit || self.contacts() != 1 {
+                return distance;
+            }
+        }
+        let contact = self.contact(Pair { body: 0, link: 0, obstacle: 0 }, around, state);
+        *plane = -contact.normal;
+        contact.distance
     }
 
     /// The most barriers that one hull can have.

@@ -152,19 +152,20 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         hull: Option<&PlacedHull<'_, D>>,
         around: &S::Probe,
         limit: f64,
+        plane: &mut Vector<D>,
     ) -> f64 {
         let state = &self.state;
         let Some(turn) = self.turn() else {
-            return self.geometry.at_least(hull, around, state, limit);
+            return self.geometry.at_least(hull, around, state, limit, plane);
         };
         let (around, rest) = (Self::seen(around, &state.position, turn), state.own_frame());
         let Some(hull) = hull else {
-            return self.geometry.at_least(None, &around, &rest, limit);
+            return self.geometry.at_least(None, &around, &rest, limit, plane);
         };
         let rotation = turn.rotation.tr_mul(hull.rotation);
         let position = turn.rotation.tr_mul(&(hull.position - state.position));
         let hull = PlacedHull { hull: hull.hull, rotation: &rotation, position };
-        self.geometry.at_least(Some(&hull), &around, &rest, limit)
+        self.geometry.at_least(Some(&hull), &around, &rest, limit, plane)
     }
 
     /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds, were the obstacle in this state and

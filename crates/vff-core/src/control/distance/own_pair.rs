@@ -96,36 +96,40 @@ impl<const D: usize> OwnPair<D> {
     }
 
     /// How far two bodies of `robot` are apart at least \[m\], the still ones counted behind the others: of capsules the distance,
-    /// of hulls less by rounding alone. From `limit` on, anything that is not below.
+    /// of hulls less by rounding alone. From `limit` on, anything that is not below. `plane` as in [`Robot::apart_at_least`].
     ///
     /// # Example
     /// ```
     /// use std::sync::Arc;
     /// use vff_core::control::distance::OwnPair;
+    /// use vff_core::math::Vector;
     /// use vff_core::robot::{Robot, models};
     ///
     /// let arm = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
-    /// let far = |pair| OwnPair::at_least(&arm, pair, f64::INFINITY);
-    /// let apart = arm.body_pairs().map(far).fold(f64::INFINITY, f64::min);
-    /// assert!(arm.body_pairs().all(|pair| OwnPair::at_least(&arm, pair, apart) >= apart));
+    /// let within = |pair, limit| OwnPair::at_least(&arm, pair, limit, &mut Vector::<3>::zeros());
+    /// let apart = arm.body_pairs().map(|pair| within(pair, 9.0)).fold(9.0, f64::min);
+    /// assert!(arm.body_pairs().all(|pair| within(pair, apart) >= apart));
     /// ```
-    pub fn at_least<R: Robot<D>>(robot: &R, pair: [usize; 2], limit: f64) -> f64 {
+    pub fn at_least<R: Robot<D>>(
+        robot: &R,
+        pair: [usize; 2],
+        limit: f64,
+        plane: &mut Vector<D>,
+    ) -> f64 {
         interrupt::checkpoint(32);
         let still = robot.still_bodies();
         let of = |i: usize| match still.get(i.wrapping_sub(robot.body_count())) {
             Some(still) => (still.shape, still.hull.is_some()),
-            None => {
-                let body = robot.body(i);
-                (body.shape, body.hull.is_some())
-            }
+            None => (robot.body(i).shape, robot.body(i).hull.is_some()),
         };
         let [(a, one), (b, other)] = pair.map(of);
-        let distance = nearest(&a, &b).distance;
-        if distance >= limit || !(one || other) {
-            return distance;
+        let capsules = nearest(&a, &b);
+        if capsules.distance >= limit || !(one || other) {
+            *plane = -capsules.normal;
+            return capsules.distance;
         }
         interrupt::checkpoint(256);
-        robot.apart_at_least(pair, limit)
+        robot.apart_at_least(pair, limit, plane)
     }
 
     /// Takes what is nearest of two bodies in place of the capsules around them, where one is a hull.

@@ -3,18 +3,24 @@
 //! parry says which triangles the hull consists of. What lies in one plane is made one face here: a diagonal across the
 //! side of a box is no edge, and a point in the middle of it no corner.
 
+use super::farthest::Columns;
 use super::{Corner, Edge, Face, Facing, Hull};
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
 use parry3d_f64::math::Vector as Vec3;
 use parry3d_f64::transformation::try_convex_hull;
 use std::collections::{BTreeSet, HashMap};
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 /// The most corners of a hull: every corner and every edge is a row of `cbf`.
 pub const MAX_CORNERS: usize = 64;
 
 /// The most points that a hull is made of.
 pub const MAX_POINTS: usize = 10_000;
+
+/// Hulls of few points that were made before: an arm is checked, built and read again for every plan and run.
+static MADE: LazyLock<Mutex<HashMap<Vec<[u64; 3]>, Hull>>> = LazyLock::new(Mutex::default);
+const MOST_MADE: usize = 256;
 
 const _: () = assert!(2 * MAX_CORNERS - 4 <= Facing::BITS as usize);
 
@@ -103,6 +109,24 @@ impl Hull {
         if points.len() > MAX_POINTS {
             return Err(HullError::TooMany(points.len()));
         }
+        if points.len() > MAX_CORNERS {
+            return Self::of_points(points);
+        }
+        let key: Vec<[u64; 3]> = points.iter().map(|p| p.map(f64::to_bits)).collect();
+        let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = made().get(&key) {
+            return Ok(known.clone());
+        }
+        let hull = Self::of_points(points)?;
+        let mut made = made();
+        if made.len() >= MOST_MADE {
+            made.clear();
+        }
+        made.insert(key, hull.clone());
+        Ok(hull)
+    }
+
+    fn of_points(points: &[[f64; 3]]) -> Result<Self, HullError> {
         let points = distinct(points);
         if points.len() < 4 {
             return Err(HullError::TooFew(points.len()));
@@ -283,29 +307,31 @@ impl<'a> Faces<'a> {
         if numbers.len() > MAX_CORNERS {
             return Err(HullError::TooManyCorners(numbers.len()));
         }
-        let corner_of =
-            |face: usize| numbers.iter().filter(move |p| self.contact[**p].contains(&face));
+        // The corners of each face.
+        let mut around = vec![vec![]; self.normals.len()];
+        for (c, &p) in numbers.iter().enumerate() {
+            self.contact[p].iter().for_each(|face| around[*face].push(c));
+        }
         let mut corners: Vec<Corner<3>> =
             numbers.iter().map(|&p| Corner { point: given[p], along: vec![] }).collect();
         let mut faces: Vec<Face<3>> = (self.normals.iter().enumerate())
             .map(|(i, normal)| {
-                let heights = corner_of(i).map(|&p| normal.dot(&given[p]));
+                let heights = around[i].iter().map(|&c| normal.dot(&given[numbers[c]]));
                 let offset = heights.fold(f64::NEG_INFINITY, f64::max);
                 Face { normal: *normal, offset, border: vec![] }
             })
             .collect();
         let mut edges = vec![];
         for &[one, other] in &self.neighbours {
-            let both: Vec<usize> = (0..numbers.len())
-                .filter(|&c| [one, other].iter().all(|f| self.contact[numbers[c]].contains(f)))
-                .collect();
+            let both: Vec<usize> =
+                around[one].iter().copied().filter(|c| around[other].contains(c)).collect();
             let [a, b] = both[..] else { return Err(HullError::Undecided) };
             let line = Capsule::new(corners[a].point, corners[b].point, 0.0);
             // The face lies on one side of its edge: that of its corner farthest from it.
             let into = [one, other].map(|face| {
                 let across = self.normals[face].cross(&line.direction).normalize();
-                let away = corner_of(face)
-                    .map(|&p| across.dot(&(self.points[p] - self.points[numbers[a]])));
+                let away = (around[face].iter())
+                    .map(|&c| across.dot(&(self.points[numbers[c]] - self.points[numbers[a]])));
                 let side =
                     away.fold(0.0, |most: f64, x| if x.abs() > most.abs() { x } else { most });
                 across * 1f64.copysign(side)
@@ -318,7 +344,8 @@ impl<'a> Faces<'a> {
             edges.push(Edge { line, ends: [a, b], faces: [one, other], into });
         }
         let scale = given.iter().fold(size, |most, p| most.max(p.amax()));
-        let hull = Hull { corners, edges, faces, slack: 1e-9 * scale };
+        let columns = Columns::of(corners.iter().map(|corner| corner.point));
+        let hull = Hull { corners, columns, edges, faces, slack: 1e-9 * scale };
         if hull.is_closed() && given.iter().all(|p| hull.holds(p)) {
             Ok(hull)
         } else {
@@ -336,6 +363,7 @@ impl Hull {
             turn(point);
             along.iter_mut().for_each(turn);
         }
+        self.columns = Columns::of(self.corners.iter().map(|corner| corner.point));
         for Edge { line, into, .. } in &mut self.edges {
             turn(&mut line.start);
             turn(&mut line.direction);

@@ -34,13 +34,17 @@ impl Hull {
 
 /// A small ball around points: from their mean towards the farthest, by less and less (Bădoiu and Clarkson, 2003).
 fn ball<const D: usize>(points: &[Vector<D>], mut centre: Vector<D>) -> (Vector<D>, f64) {
-    let gap = |centre: &Vector<D>, p: &Vector<D>| (p - centre).norm();
     for k in 1..=200 {
-        let farthest = points.iter().max_by(|a, b| gap(&centre, a).total_cmp(&gap(&centre, b)));
-        let Some(farthest) = farthest else { break };
-        centre += (farthest - centre) / f64::from(k + 1);
+        let mut farthest = (0.0, centre);
+        for p in points {
+            let square = (p - centre).norm_squared();
+            if square >= farthest.0 {
+                farthest = (square, *p);
+            }
+        }
+        centre += (farthest.1 - centre) / f64::from(k + 1);
     }
-    let radius = points.iter().map(|p| gap(&centre, p)).fold(0.0, f64::max);
+    let radius = points.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max);
     (centre, radius)
 }
 

@@ -4,14 +4,15 @@
 //! as it is measured to be, and no point of it can go farther in half of the motion than its joints carry it. Where that
 //! is less, the whole half is free; otherwise it is halved again (T119). What is kept may depend on where the arm is (T150).
 
-use super::levers::{Jointed, Levers};
+use super::levers::{Jointed, Levers, Twist};
 use super::margins::Margins;
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
+use crate::math::Vector;
 use crate::world::{ObstacleBoxes, ObstacleGeometry, World};
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 /// A part of a motion in which nothing goes farther than this is free for a link if its middle is: a share of its margin, from
 /// so much to so much \[m\]. That much less than the margin is certain.
@@ -59,14 +60,18 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     clearance: Vec<f64>,
     bodies: Vec<Body<'static, D>>,
     middle: Vec<f64>,
+    /// How the links move there.
+    twists: Vec<Twist>,
     /// What may be near in the parts of a motion that is certified.
     near: Vec<Near>,
     /// What kept the last motion from being free that was not: likely to block the next one, too.
     blocker: Option<Two>,
+    /// The normals of the planes that told hulls apart last.
+    planes: HashMap<Two, Vector<D>>,
 }
 
 /// Two that must not come too near to each other.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Two {
     /// A body of the arm and an obstacle, each by its number, with the number of the world.
     Obstacle { body: usize, world: usize, obstacle: usize },
@@ -78,18 +83,16 @@ enum Two {
 #[derive(Debug, Clone, Copy)]
 struct Near {
     two: Two,
-    /// How far one goes at most in the whole motion as the other sees it \[m\].
+    /// The body of the arm that moves as the other sees it, and the link that carries that if it is one of the arm, too.
+    body: usize,
+    from: Option<usize>,
+    /// How far it goes at most in the whole motion as the other sees it \[m\], and how much it is accelerated if that takes unit time.
     way: f64,
+    bend: f64,
 }
 
-/// A motion that is certified.
-struct Motion<'a> {
-    ends: [&'a [f64]; 2],
-    /// How far each link goes at most \[m\].
-    ways: Vec<f64>,
-    /// The longest of these ways \[m\].
-    farthest: f64,
-}
+/// The two ends of a motion that is certified.
+type Ends<'a> = [&'a [f64]; 2];
 
 /// From when to when things that move are looked for \[s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,8 +151,10 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             clearance: vec![f64::INFINITY; n],
             bodies: vec![],
             middle: vec![0.0; n],
+            twists: vec![],
             near: vec![],
             blocker: None,
+            planes: HashMap::new(),
         }
     }
 
@@ -276,22 +281,19 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether it is and does on the straight motion from `a` to `b`.
     pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
-        let ways: Vec<f64> = (0..a.len()).map(|link| self.way([a, b], link)).collect();
-        let farthest = ways.iter().copied().fold(0.0, f64::max);
-        let motion = Motion { ends: [a, b], ways, farthest };
         let mut near = std::mem::take(&mut self.near);
         near.clear();
-        let blocker = self.blocker_of(&motion, &mut near);
+        let blocker = self.blocker_of([a, b], &mut near);
         self.near = near;
         self.blocker = blocker.or(self.blocker);
         blocker.is_none()
     }
 
-    /// What keeps `motion` from being free. Halves of halves are asked, the large ones first: what is hit is hit soon. Of each, those two
+    /// What keeps the motion between two `ends` from being free. Halves of halves are asked, the large ones first: what is hit is hit soon. Of each, those two
     /// alone are asked that are not certain to keep apart in what it is a half of. `near` is an empty workspace.
-    fn blocker_of(&mut self, motion: &Motion<'_>, near: &mut Vec<Near>) -> Option<Two> {
-        self.move_to(motion, 0.5);
-        if let Some(blocked) = self.first_look(motion, near) {
+    fn blocker_of(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
+        self.move_to(ends, 0.5);
+        if let Some(blocked) = self.first_look(ends, near) {
             return Some(blocked);
         }
         let mut parts = VecDeque::new();
@@ -303,13 +305,12 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             parts.extend(halves(0.5, 0.5, 0..near.len()));
         }
         while let Some((at, half, asked)) = parts.pop_front() {
-            self.move_to(motion, at);
+            self.move_to(ends, at);
             let first = near.len();
             for k in asked {
-                let Near { two, way } = near[k];
-                match self.look(motion, two, way, half) {
-                    Look::Blocked => return Some(two),
-                    Look::Near if half < SHORTEST => return Some(two),
+                match self.look(near[k], half) {
+                    Look::Blocked => return Some(near[k].two),
+                    Look::Near if half < SHORTEST => return Some(near[k].two),
                     Look::Near => near.push(near[k]),
                     Look::Apart => {}
                 }
@@ -322,63 +323,71 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     }
 
     /// Puts the arm where it is `at` this share of a motion.
-    fn move_to(&mut self, Motion { ends: [a, b], .. }: &Motion<'_>, at: f64) {
-        for (m, (a, b)) in self.middle.iter_mut().zip(a.iter().zip(*b)) {
+    fn move_to(&mut self, [a, b]: Ends<'_>, at: f64) {
+        for (m, (a, b)) in self.middle.iter_mut().zip(a.iter().zip(b)) {
             *m = a + at * (b - a);
         }
         interrupt::checkpoint(16 * a.len());
         self.robot.update_positions(&self.middle);
+        Twist::of_links(&self.robot, [a, b], &mut self.twists);
     }
 
     /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
-    fn look(&mut self, motion: &Motion<'_>, two: Two, way: f64, half: f64) -> Look {
-        let Self { robot, worlds, slack, margins, reach, middle, .. } = self;
-        let (room, change, finest) = match two {
-            Two::Obstacle { body, world, obstacle } => {
-                let body = robot.body(body);
-                // What a link keeps changes, too, while it goes.
-                let steepness = 1.0 + margins.slope();
+    fn look(&mut self, near: Near, half: f64) -> Look {
+        let Near { two, body, from, way, bend } = near;
+        let Self { robot, worlds, slack, margins, reach, middle, planes, twists, .. } = self;
+        let body = robot.body(body);
+        // What a link keeps from obstacles changes, too, while it goes.
+        let (keeps, drift, slack, stands) = match two {
+            Two::Obstacle { world, .. } => {
                 let margin = margins.at(middle, reach, body.link);
-                let change = steepness * way * half;
-                let slack = if world > 0 { *slack } else { 0.0 };
-                interrupt::checkpoint(32);
-                let limit = margin + change + slack;
-                let distance = worlds[world].0.at_least(obstacle, &body, limit) - slack;
-                (distance - margin, change, finest(margin) / steepness)
+                let moves = world > 0;
+                (margin, margins.slope() * way * half, if moves { *slack } else { 0.0 }, !moves)
             }
-            Two::Own(pair) => {
-                let change = way * half;
-                let distance = OwnPair::at_least(robot, pair, self.apart + change);
-                (distance - self.apart, change, finest(self.apart))
-            }
+            Two::Own(_) => (self.apart, 0.0, 0.0, true),
         };
-        let is_clear = room >= 0.0; // false for NaN
-        if !is_clear {
-            Look::Blocked
-        } else if room < change && motion.farthest * half > finest {
-            Look::Near
-        } else {
-            Look::Apart
+        let twist = twists[body.link].beside(from.map(|link| twists[link]));
+        // Along the normal of a plane between them they come no nearer than that (T195), and anyhow no nearer than they go (T119).
+        let change = |plane: &Vector<D>| {
+            let straight = if stands && plane.norm_squared() > 0.0 {
+                half * twist.along(plane, &body.shape) + 0.5 * bend * half * half
+            } else {
+                f64::INFINITY
+            };
+            drift + straight.min(way * half)
+        };
+        let plane = planes.entry(two).or_insert_with(Vector::zeros);
+        for asked in [change(plane), drift + way * half] {
+            let limit = keeps + asked + slack;
+            let distance = match two {
+                Two::Obstacle { world, obstacle, .. } => {
+                    interrupt::checkpoint(32);
+                    worlds[world].0.at_least(obstacle, &body, limit, plane)
+                }
+                Two::Own(pair) => OwnPair::at_least(robot, pair, limit, plane),
+            };
+            let (room, change) = (distance - slack - keeps, change(plane));
+            let is_clear = room >= 0.0; // false for NaN
+            if !is_clear {
+                return Look::Blocked;
+            }
+            if room >= change || change + RESOLUTION * drift <= finest(keeps) {
+                return Look::Apart;
+            }
+            if change <= asked {
+                break;
+            }
         }
+        Look::Near
     }
 
     /// What blocks a motion where the arm is, in its middle; otherwise all that may be near in it are put into `near`. What blocked the
     /// last one is asked first.
-    fn first_look(&mut self, motion: &Motion<'_>, near: &mut Vec<Near>) -> Option<Two> {
-        let way_of = |space: &Self, two: Two| match two {
-            Two::Obstacle { body, .. } => motion.ways[space.robot.body(body).link],
-            Two::Own(pair) => {
-                let [a, b] =
-                    pair.map(|i| (i < space.robot.body_count()).then(|| space.robot.body(i).link));
-                let (from, to) = if a < b { (a, b) } else { (b, a) }; // the base, None, is before all links
-                to.map_or(0.0, |to| space.reach.way(motion.ends, from, to))
-            }
-        };
-        if let Some(two) = self.blocker {
-            let way = way_of(self, two);
-            if self.look(motion, two, way, 0.5) == Look::Blocked {
-                return Some(two);
-            }
+    fn first_look(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
+        if let Some(two) = self.blocker
+            && self.look(self.near(two, ends), 0.5) == Look::Blocked
+        {
+            return Some(two);
         }
         let mut worlds = std::mem::take(&mut self.worlds);
         let steepness = 1.0 + self.margins.slope();
@@ -387,9 +396,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             let slack = if world > 0 { self.slack } else { 0.0 };
             for body in 0..self.robot.body_count() {
                 let placed = self.robot.body(body);
-                let link = placed.link;
-                let margin = self.margins.at(&self.middle, &self.reach, link);
-                let limit = margin + 0.5 * steepness * motion.ways[link] + slack;
+                let margin = self.margins.at(&self.middle, &self.reach, placed.link);
+                let limit = margin + 0.5 * steepness * self.way(ends, placed.link) + slack;
                 interrupt::checkpoint(32 + obstacles.len());
                 obstacles.for_each_within(boxes, &placed, limit, |_, obstacle| {
                     candidates.push(Two::Obstacle { body, world, obstacle });
@@ -402,14 +410,28 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             candidates.extend(self.robot.body_pairs().map(Two::Own));
         }
         for two in candidates {
-            let way = way_of(self, two);
-            match self.look(motion, two, way, 0.5) {
+            let seen = self.near(two, ends);
+            match self.look(seen, 0.5) {
                 Look::Blocked => return Some(two),
-                Look::Near => near.push(Near { two, way }),
+                Look::Near => near.push(seen),
                 Look::Apart => {}
             }
         }
         None
+    }
+
+    /// Two, and how far one of them goes in a motion.
+    fn near(&self, two: Two, ends: Ends<'_>) -> Near {
+        let link = |i: usize| (i < self.robot.body_count()).then(|| self.robot.body(i).link);
+        let (body, from) = match two {
+            Two::Obstacle { body, .. } => (body, None),
+            // The base, None, is before all links.
+            Two::Own([a, b]) if link(a) < link(b) => (b, link(a)),
+            Two::Own([a, b]) => (a, link(b)),
+        };
+        let to = link(body).unwrap_or(0);
+        let (way, bend) = (self.reach.way(ends, from, to), self.reach.bend(ends, from, to));
+        Near { two, body, from, way, bend }
     }
 }
 

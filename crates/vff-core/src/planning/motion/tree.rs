@@ -163,9 +163,9 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         for (q, [lower, upper]) in drawn.iter_mut().zip(ranges) {
             *q = lower + (upper - lower) * noise.share();
         }
-        // The trees take turns.
+        // The smaller tree grows: one in a corner stays as large as one in the open.
         let [one, other] = &mut trees;
-        let first = k.is_multiple_of(2);
+        let first = of_start <= of_goals;
         let (one, other) = if first { (one, other) } else { (other, one) };
         let node = one.nearest(&drawn);
         let (Step::Nearer(new) | Step::Reached(new)) = one.grow(space, node, &drawn) else {

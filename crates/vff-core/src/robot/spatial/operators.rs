@@ -444,8 +444,8 @@ impl Robot<3> for SpatialState {
         contact_features(pair.map(|i| self.form(i)).each_ref(), features, visit);
     }
 
-    fn apart_at_least(&self, pair: [usize; 2], limit: f64) -> f64 {
-        gap_between(pair.map(|i| self.form(i)).each_ref(), limit)
+    fn apart_at_least(&self, pair: [usize; 2], limit: f64, plane: &mut Vector<3>) -> f64 {
+        gap_between(pair.map(|i| self.form(i)).each_ref(), limit, plane)
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {

@@ -198,8 +198,9 @@ impl ObstacleGeometry<3> for SpatialGeometry {
         around: &Probe,
         state: &MotionState<3>,
         limit: f64,
+        plane: &mut Vector<3>,
     ) -> f64 {
-        self.at_least(hull, around, state, limit)
+        self.at_least(hull, around, state, limit, plane)
     }
 
     fn hull_barriers(&self) -> usize {

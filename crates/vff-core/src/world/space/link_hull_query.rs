@@ -48,19 +48,30 @@ impl SpatialGeometry {
         around: &Probe,
         state: &MotionState<3>,
         limit: f64,
+        plane: &mut Vector<3>,
     ) -> f64 {
         let Some(hull) = hull else {
             let Core::Hull(core) = &self.core else {
-                return self.distance_below(around, state, limit);
+                return self.capsule_at_least(around, state, limit, plane);
             };
             // As the axis sees it.
             let position = state.position - around.start;
             let placed = PlacedHull { hull: core, rotation: &Matrix3::identity(), position };
             let axis = Probe { start: Vector::zeros(), ..*around };
-            return placed.gap(&axis, around.radius + self.radius, limit);
+            // It lies on the other side of the plane here.
+            plane.neg_mut();
+            let gap = placed.gap(&axis, around.radius + self.radius, limit, plane);
+            plane.neg_mut();
+            return gap;
         };
+        if plane.norm_squared() == 0.0 {
+            let distance = self.at_least(None, around, state, limit, plane);
+            if distance >= limit {
+                return distance;
+            }
+        }
         let seen = PlacedHull { position: hull.position - state.position, ..*hull };
-        dispatch!(&self.core, shape => return shape.gap(&seen, self.radius, limit), _cloud => ());
+        dispatch!(&self.core, shape => return shape.gap(&seen, self.radius, limit, plane), _cloud => ());
         let (mut least, pair) = (f64::NAN, Pair { body: 0, link: 0, obstacle: 0 });
         let visit = &mut |found: &Contact<3>| least = found.distance;
         self.visit_hull(pair, hull, around, state, Asked::Nearest, visit);

@@ -83,7 +83,7 @@ impl ConvexCore for HalfSpace {
     }
 
     /// It has no corners to be seen from.
-    fn gap(&self, hull: &PlacedHull<'_, 3>, radius: f64, _: f64) -> f64 {
+    fn gap(&self, hull: &PlacedHull<'_, 3>, radius: f64, _: f64, _: &mut Vector<3>) -> f64 {
         self.meet(hull, Asked::Nearest).nearest.distance - radius
     }
 

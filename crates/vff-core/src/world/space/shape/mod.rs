@@ -125,11 +125,11 @@ pub(super) trait ConvexCore: Convex {
     }
 
     /// How far a hull is from it at least, within its radius; see [`PlacedHull::gap`].
-    fn gap(&self, hull: &PlacedHull<'_, 3>, radius: f64, limit: f64) -> f64
+    fn gap(&self, hull: &PlacedHull<'_, 3>, radius: f64, limit: f64, plane: &mut Vector<3>) -> f64
     where
         Self: Sized,
     {
-        hull.gap(self, radius, limit)
+        hull.gap(self, radius, limit, plane)
     }
 
     /// Calls `visit` with the pairs of features of it and a hull that may be next; see [`PlacedHull::for_each_row`].
