@@ -103,6 +103,12 @@ def problems(robot: Path, joints: list[str], first: int, last: int) -> Iterator[
         yield Problem(family, number, [start[j] for j in joints], [goal[j] for j in joints], bodies)
 
 
+def placed(body: dict[str, Any]) -> pin.SE3:
+    """Where a body is."""
+    x, y, z, w = body["orientation"]
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(body["position"]))
+
+
 def obstacle(body: dict[str, Any]) -> vff.Obstacle:
     """What the planner is told of a body: a cylinder is a prism around it."""
     x, y, z, w = body["orientation"]
@@ -114,8 +120,31 @@ def obstacle(body: dict[str, Any]) -> vff.Obstacle:
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     ring = radius / np.cos(np.pi / SIDES) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     corners = [[*point, side * height / 2] for side in (-1, 1) for point in ring]
-    rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
-    return vff.Obstacle.convex(np.array(corners) @ rotation.T + place)
+    return vff.Obstacle.convex(np.array(corners) @ placed(body).rotation.T + place)
+
+
+def scene(arm: vff.Arm, problem: Problem) -> vff.Scenario:
+    """What the planner is told of a problem."""
+    return vff.Scenario(
+        arm=arm,
+        q0=problem.start,
+        duration=1.0,
+        reference={"kind": "setpoint"},
+        controller={"self_collision": "avoid"},
+        obstacles=[obstacle(body) for body in problem.bodies],
+    )
+
+
+def read_arm(robot: Path, collision: str, pieces: dict[str, int]) -> vff.Arm:
+    """The arm in the folder of a robot."""
+    return vff.Arm.from_urdf(
+        robot / f"{robot.name}.urdf",
+        tip=TIPS[robot.name],
+        srdf=robot / f"{robot.name}.srdf",
+        packages={"meshes": robot / "meshes"},
+        collision=collision,
+        pieces=pieces,
+    )
 
 
 class Judge:
@@ -131,23 +160,22 @@ class Judge:
         pin.removeCollisionPairs(self.model, self.links, str(robot / f"{robot.name}.srdf"))
         self.data = self.model.createData()
 
-    def touches(self, problem: Problem, motion: np.ndarray) -> list[str]:
-        """The pairs that overlap in one of some configurations (k, n)."""
+    def among(self, problem: Problem) -> pin.GeometryModel:
+        """The links and the bodies of a problem, with the pairs that must not touch."""
         geometry = self.links.copy()
         own = len(geometry.geometryObjects)
         for body in problem.bodies:
-            x, y, z, w = body["orientation"]
-            turned = pin.Quaternion(w, x, y, z).normalized()
-            shape = (
-                coal.Box(*body["dimensions"])
-                if body["type"] == "box"
-                else coal.Cylinder(body["dimensions"][1], body["dimensions"][0])
-            )
-            place = pin.SE3(turned, np.array(body["position"]))
-            there = geometry.addGeometryObject(pin.GeometryObject(body["id"], 0, place, shape))
+            size = body["dimensions"]
+            shape = coal.Box(*size) if body["type"] == "box" else coal.Cylinder(size[1], size[0])
+            there = geometry.addGeometryObject(pin.GeometryObject(body["id"], 0, placed(body), shape))
             for link in range(own):
                 if geometry.geometryObjects[link].parentJoint:
                     geometry.addCollisionPair(pin.CollisionPair(link, there))
+        return geometry
+
+    def touches(self, problem: Problem, motion: np.ndarray) -> list[str]:
+        """The pairs that overlap in one of some configurations (k, n)."""
+        geometry = self.among(problem)
         found = geometry.createData()
         touched: set[str] = set()
         for q in motion:
@@ -163,16 +191,9 @@ class Judge:
 def solve(arm: vff.Arm, problem: Problem, judge: Judge, goals: str, seed: int, paths: int) -> Row:
     """Plan, and let the plan be judged."""
     goal: Any = problem.goal if goals == "configuration" else arm.pose(problem.goal)
-    scene = vff.Scenario(
-        arm=arm,
-        q0=problem.start,
-        duration=1.0,
-        reference={"kind": "setpoint"},
-        controller={"self_collision": "avoid"},
-        obstacles=[obstacle(body) for body in problem.bodies],
-    )
+    ready = scene(arm, problem)
     before = time.process_time()
-    plan = vff.plan(scene, goal, seed=seed, paths=paths)
+    plan = vff.plan(ready, goal, seed=seed, paths=paths)
     row = Row(problem, str(plan.status), plan.message, time.process_time() - before)
     if plan.status == "found":
         row.duration, row.margin = plan.duration, plan.margin
@@ -223,14 +244,7 @@ def main() -> None:
         everything = []
         for name in given.robots:
             robot = resources / name
-            arm = vff.Arm.from_urdf(
-                robot / f"{name}.urdf",
-                tip=TIPS[name],
-                srdf=robot / f"{name}.srdf",
-                packages={"meshes": robot / "meshes"},
-                collision=given.collision,
-                pieces={link: int(count) for link, count in given.pieces},
-            )
+            arm = read_arm(robot, given.collision, {link: int(count) for link, count in given.pieces})
             judge = Judge(robot)
             joints = [each for each in judge.model.names if each != "universe"]
             rows = []

@@ -31,16 +31,15 @@ from typing import Protocol
 
 os.environ["OMP_NUM_THREADS"] = "1"
 
-import coal
 import numpy as np
 import pinocchio as pin
 from ompl import base, geometric, util
 from roboplan import core, rrt
 
 import vffnull as vff
-from motion_bench import STEP, TIPS, Judge, Problem, fetched, obstacle, problems
+from motion_bench import STEP, TIPS, Judge, Problem, fetched, placed, problems, read_arm, scene
 
-PIECES = {"panda": {}, "ur5": {"forearm_link": 4}}
+PIECES: dict[str, dict[str, int]] = {"panda": {}, "ur5": {"forearm_link": 4}}
 DEEP = 1e-4  # what a touch may be without being deep [m]
 ANGLE = 0.002  # from one configuration of a path that is judged to the next [rad]
 NODES = 100_000  # for RoboPlan: the limit is one of time
@@ -82,12 +81,6 @@ def dense(corners: np.ndarray) -> np.ndarray:
         count = max(1, int(np.ceil(np.linalg.norm(other - one) / ANGLE)))
         parts.append(one + (other - one) * np.arange(1, count + 1)[:, None] / count)
     return np.concatenate(parts)
-
-
-def placed(body: dict[str, object]) -> pin.SE3:
-    """Where a body is."""
-    x, y, z, w = np.array(body["orientation"], dtype=float)
-    return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(body["position"], dtype=float))
 
 
 def smaller(problem: Problem) -> Problem:
@@ -171,15 +164,7 @@ class Ompl:
 
     def checker(self, problem: Problem) -> Callable[[base.State], bool]:
         """Whether a configuration is free, with the pairs of the judge."""
-        model, data, geometry = self.judge.model, self.judge.data, self.judge.links.copy()
-        own = len(geometry.geometryObjects)
-        for body in problem.bodies:
-            size = body["dimensions"]
-            shape = coal.Box(*size) if body["type"] == "box" else coal.Cylinder(size[1], size[0])
-            there = geometry.addGeometryObject(pin.GeometryObject(body["id"], 0, placed(body), shape))
-            for link in range(own):
-                if geometry.geometryObjects[link].parentJoint:
-                    geometry.addCollisionPair(pin.CollisionPair(link, there))
+        model, data, geometry = self.judge.model, self.judge.data, self.judge.among(problem)
         found, count = geometry.createData(), model.nq
         tree = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model, geometry, found)
         self.kept = geometry, found  # the tree does not keep them alive
@@ -221,25 +206,11 @@ class Ours:
 
     def __init__(self, robot: Path, judge: Judge, given: argparse.Namespace) -> None:
         self.seed = given.seed
-        self.arm = vff.Arm.from_urdf(
-            robot / f"{robot.name}.urdf",
-            tip=TIPS[robot.name],
-            srdf=robot / f"{robot.name}.srdf",
-            packages={"meshes": robot / "meshes"},
-            collision="file",
-            pieces=PIECES[robot.name],
-        )
+        self.arm = read_arm(robot, "file", PIECES[robot.name])
 
     def load(self, problem: Problem) -> None:
         self.goal = problem.goal
-        self.scene = vff.Scenario(
-            arm=self.arm,
-            q0=problem.start,
-            duration=1.0,
-            reference={"kind": "setpoint"},
-            controller={"self_collision": "avoid"},
-            obstacles=[obstacle(body) for body in problem.bodies],
-        )
+        self.scene = scene(self.arm, problem)
 
     def plan(self) -> np.ndarray | None:
         self.found = vff.plan(self.scene, self.goal, seed=self.seed, paths=1)

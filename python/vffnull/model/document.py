@@ -30,13 +30,6 @@ class _FromNumPy(Protocol):
     def tolist(self) -> object: ...
 
 
-def copied(document: Any) -> Any:
-    """A deep copy of a document, or of a part of one."""
-    if type(document) is dict:
-        return {key: copied(value) for key, value in document.items()}
-    return [copied(value) for value in document] if type(document) is list else document
-
-
 def plain(value: object, path: str = "") -> Any:
     """Turn a value into a part of a document, as a deep copy; None among a dictionary's values is left out.
 

@@ -14,7 +14,7 @@ from vffnull._support.arguments import suggesting
 from vffnull._support.errors import InputTypeError, ScenarioError
 from vffnull.model.arm import arm_of
 from vffnull.model.arm_files import anchored, explicit
-from vffnull.model.document import Document, HasDocument, copied, frozen, get, plain, put
+from vffnull.model.document import Document, HasDocument, frozen, get, plain, put
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -210,7 +210,7 @@ class Scenario:
 
     def to_dict(self) -> Document:
         """The document, as a copy of its own."""
-        document: Document = copied(self._document)
+        document: Document = plain(self._document)
         return document
 
     def replace(self, **names: Any) -> Scenario:
@@ -239,7 +239,7 @@ class Scenario:
 
     def __getitem__(self, name: str) -> Any:
         """The value of a key, by its dotted name; a copy."""
-        return copied(get(self._document, name))
+        return plain(get(self._document, name))
 
     def __eq__(self, other: object) -> bool:
         return self._document == other._document if isinstance(other, Scenario) else NotImplemented

@@ -4,7 +4,7 @@
 //! in proportion to how densely it was sampled, but joined by the norm U = (Σ U_k^8)^(1/8), whose gradient is a sum of their
 //! forces with weights that do not jump: those of the nearest are near to 1, if they are few.
 
-use crate::math::Vector;
+use crate::math::{Vector, in_space};
 use crate::world::{Contact, Pair};
 
 /// One contact's part in the push of its obstacle.
@@ -130,7 +130,6 @@ fn eighth_root(sum: f64) -> f64 {
 
 /// The moment of a force; in the plane it is about the axis that comes out of it.
 fn cross<const D: usize>(arm: &Vector<D>, force: &Vector<D>) -> Vector<3> {
-    let in_space = |v: &Vector<D>| Vector::<3>::from_fn(|i, _| if i < D { v[i] } else { 0.0 });
     in_space(arm).cross(&in_space(force))
 }
 

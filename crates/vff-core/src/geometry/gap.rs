@@ -69,25 +69,34 @@ impl PlacedHull<'_, 3> {
             _ => f64::NEG_INFINITY,
         }
     }
+
+    /// [`gap`](Self::gap) from a capsule, about the start of its axis for what rounding makes of a long way.
+    fn gap_to_capsule(&self, capsule: &Probe, limit: f64, plane: &mut Vector<3>) -> f64 {
+        let axis = Probe { start: Vector::zeros(), ..*capsule };
+        let position = self.position - capsule.start;
+        Self { position, ..*self }.gap(&axis, capsule.radius, limit, plane)
+    }
+
+    /// The same with the `plane` as the capsule sees it: the hull is beyond.
+    pub(crate) fn gap_from_capsule(
+        &self,
+        capsule: &Probe,
+        limit: f64,
+        plane: &mut Vector<3>,
+    ) -> f64 {
+        plane.neg_mut();
+        let gap = self.gap_to_capsule(capsule, limit, plane);
+        plane.neg_mut();
+        gap
+    }
 }
 
 /// [`PlacedHull::gap`] of two bodies, of which one is a hull at least, with the `plane` as the world sees it; of two capsules ∞.
 pub(crate) fn gap_between([a, b]: [&Form<'_>; 2], limit: f64, plane: &mut Vector<3>) -> f64 {
     match (&a.1, &b.1) {
         (None, None) => f64::INFINITY,
-        (Some(hull), None) => {
-            // About the end of the axis, for what rounding makes of a long way.
-            let position = hull.position - b.0.start;
-            let axis = Probe { start: Vector::zeros(), ..b.0 };
-            PlacedHull { position, ..*hull }.gap(&axis, axis.radius, limit, plane)
-        }
-        (None, Some(_)) => {
-            // It lies on the other side of the plane then.
-            plane.neg_mut();
-            let gap = gap_between([b, a], limit, plane);
-            plane.neg_mut();
-            gap
-        }
+        (Some(hull), None) => hull.gap_to_capsule(&b.0, limit, plane),
+        (None, Some(hull)) => hull.gap_from_capsule(&a.0, limit, plane),
         (Some(hull), Some(other)) => {
             let rotation = other.rotation.tr_mul(hull.rotation);
             let position = other.seen(&hull.position);
@@ -134,12 +143,13 @@ mod tests {
             let (first, found) = gap([0.0; 3]);
             let again = [0, 1].map(|k| gap(found[k].into()).0[k]);
             let unit = Vector::<3>::from(turn).normalize();
-            for bounded in [first, again, gap(unit.into()).0] {
-            for (exact, radius, bounded) in [
-                (placed.meet(&other).nearest.distance, 0.0, bounded[0]),
-                (placed.meet(&axis).nearest.distance, radius, bounded[1]),
-            ] {
-                let distance = exact - radius;
+            let exact = [
+                (placed.meet(&other).nearest.distance, 0.0),
+                (placed.meet(&axis).nearest.distance, radius),
+            ];
+            let all = [first, again, gap(unit.into()).0];
+            for (bounded, (exact, radius)) in all.iter().flat_map(|bounded| bounded.iter().zip(exact)) {
+                let (bounded, distance) = (*bounded, exact - radius);
                 if exact <= 1e-9 {
                     // Cores that touch.
                     prop_assert!(bounded <= distance.max(-radius) + 1e-9, "{bounded} {distance}");
@@ -148,7 +158,6 @@ mod tests {
                     prop_assert!((bounded - expected).abs() <= 1e-9, "{bounded} is not {expected}");
                     prop_assert!(bounded <= expected + 1e-12);
                 }
-            }
             }
         }
     }

@@ -33,6 +33,11 @@ pub use third_order_filter::ThirdOrderFilter;
 use nalgebra::SVector;
 use std::cmp::Ordering;
 
+/// A vector of the plane in space, where its third coordinate is 0; one in space as it is.
+pub(crate) fn in_space<const D: usize>(v: &Vector<D>) -> Vector<3> {
+    Vector::<3>::from_fn(|i, _| if i < D { v[i] } else { 0.0 })
+}
+
 /// Separations up to this \[m\] count as touching: the difference of two points that near is
 /// mostly rounding and has no direction, whereas a separating axis always has one.
 pub(crate) const TOUCHING: f64 = 1e-13;

@@ -187,6 +187,7 @@ mod tests {
             "{sizes:?}"
         );
     }
+
     /// A part that the task does not have takes no place: there would be nothing to let go, and what is named would weigh less.
     #[test]
     fn what_a_task_does_not_have_takes_no_place() {

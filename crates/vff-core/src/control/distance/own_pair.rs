@@ -37,6 +37,17 @@ pub struct OwnPair<const D: usize> {
     hulls: Option<[usize; 2]>,
 }
 
+/// The capsule of a body, the still ones counted behind the others, and whether it is around a hull.
+fn solid<R: Robot<D>, const D: usize>(robot: &R, i: usize) -> (Capsule<D>, bool) {
+    match robot.still_bodies().get(i.wrapping_sub(robot.body_count())) {
+        Some(still) => (still.shape, still.hull.is_some()),
+        None => {
+            let body = robot.body(i);
+            (body.shape, body.hull.is_some())
+        }
+    }
+}
+
 impl<const D: usize> OwnPair<D> {
     /// The most features of two capsules.
     pub const FEATURES: usize = 5;
@@ -48,13 +59,9 @@ impl<const D: usize> OwnPair<D> {
 
     /// The most features of all pairs of bodies of `robot` that must not touch.
     pub fn most_features<R: Robot<D>>(robot: &R) -> usize {
-        let is_hull = |i: &usize| match robot.still_bodies().get(i.wrapping_sub(robot.body_count()))
-        {
-            Some(still) => still.hull.is_some(),
-            None => robot.body(*i).hull.is_some(),
+        let most = |pair: [usize; 2]| {
+            if pair.iter().any(|i| solid(robot, *i).1) { MAX_FEATURES } else { Self::FEATURES }
         };
-        let most =
-            |pair: [usize; 2]| if pair.iter().any(is_hull) { MAX_FEATURES } else { Self::FEATURES };
         robot.body_pairs().map(most).sum()
     }
 
@@ -117,12 +124,7 @@ impl<const D: usize> OwnPair<D> {
         plane: &mut Vector<D>,
     ) -> f64 {
         interrupt::checkpoint(32);
-        let still = robot.still_bodies();
-        let of = |i: usize| match still.get(i.wrapping_sub(robot.body_count())) {
-            Some(still) => (still.shape, still.hull.is_some()),
-            None => (robot.body(i).shape, robot.body(i).hull.is_some()),
-        };
-        let [(a, one), (b, other)] = pair.map(of);
+        let [(a, one), (b, other)] = pair.map(|i| solid(robot, i));
         let capsules = nearest(&a, &b);
         if capsules.distance >= limit || !(one || other) {
             *plane = -capsules.normal;

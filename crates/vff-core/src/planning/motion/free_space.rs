@@ -86,7 +86,8 @@ struct Near {
     /// The body of the arm that moves as the other sees it, and the link that carries that if it is one of the arm, too.
     body: usize,
     from: Option<usize>,
-    /// How far it goes at most in the whole motion as the other sees it \[m\], and how much it is accelerated if that takes unit time.
+    /// How far it goes at most in the whole motion as the other sees it \[m\], and how much it is accelerated if that takes unit
+    /// time.
     way: f64,
     bend: f64,
 }
@@ -289,8 +290,9 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         blocker.is_none()
     }
 
-    /// What keeps the motion between two `ends` from being free. Halves of halves are asked, the large ones first: what is hit is hit soon. Of each, those two
-    /// alone are asked that are not certain to keep apart in what it is a half of. `near` is an empty workspace.
+    /// What keeps the motion between two `ends` from being free. Halves of halves are asked, the large ones first: what is hit is hit
+    /// soon. Of each, those two alone are asked that are not certain to keep apart in what it is a half of. `near` is an empty
+    /// workspace.
     fn blocker_of(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         self.move_to(ends, 0.5);
         if let Some(blocked) = self.first_look(ends, near) {
@@ -389,15 +391,18 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         {
             return Some(two);
         }
-        let mut worlds = std::mem::take(&mut self.worlds);
+        // How far each link looks around, in every world.
         let steepness = 1.0 + self.margins.slope();
+        let around: Vec<f64> = (0..self.middle.len())
+            .map(|link| self.margin(&self.middle, link) + 0.5 * steepness * self.way(ends, link))
+            .collect();
+        let mut worlds = std::mem::take(&mut self.worlds);
         let mut candidates: Vec<Two> = vec![];
         for (world, (obstacles, boxes)) in worlds.iter_mut().enumerate() {
             let slack = if world > 0 { self.slack } else { 0.0 };
             for body in 0..self.robot.body_count() {
                 let placed = self.robot.body(body);
-                let margin = self.margins.at(&self.middle, &self.reach, placed.link);
-                let limit = margin + 0.5 * steepness * self.way(ends, placed.link) + slack;
+                let limit = around[placed.link] + slack;
                 interrupt::checkpoint(32 + obstacles.len());
                 obstacles.for_each_within(boxes, &placed, limit, |_, obstacle| {
                     candidates.push(Two::Obstacle { body, world, obstacle });

@@ -1,6 +1,6 @@
 //! How far the joints of an arm carry its links.
 
-use crate::math::{Capsule, Vector};
+use crate::math::{Capsule, Vector, in_space};
 use crate::robot::{PlanarState, Robot, SpatialState};
 
 /// What a planner asks of an arm beyond the operators of the law.
@@ -120,10 +120,6 @@ impl Twist {
     }
 }
 
-fn in_space<const D: usize>(v: &Vector<D>) -> Vector<3> {
-    Vector::<3>::from_fn(|i, _| if i < D { v[i] } else { 0.0 })
-}
-
 /// How far a motion carries what belongs to the arm \[m\].
 #[derive(Debug, Clone)]
 pub struct Levers {
@@ -183,6 +179,7 @@ impl Levers {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::description::JointKind;
     use crate::robot::models;
     use proptest::prelude::*;
     use std::sync::Arc;
@@ -191,7 +188,7 @@ mod tests {
     fn lifted() -> SpatialState {
         let mut panda = models::named("panda").unwrap();
         let mut lift = panda.joints[0].clone();
-        lift.kind = crate::robot::description::JointKind::Prismatic;
+        lift.kind = JointKind::Prismatic;
         (lift.name, lift.link) = ("lift".into(), "carriage".into());
         panda.joints.insert(0, lift);
         panda.joint_limits.insert(0, [-0.5, 0.5]);

@@ -54,15 +54,10 @@ impl SpatialGeometry {
             let Core::Hull(core) = &self.core else {
                 return self.capsule_at_least(around, state, limit, plane);
             };
-            // As the axis sees it.
-            let position = state.position - around.start;
+            let position = state.position;
             let placed = PlacedHull { hull: core, rotation: &Matrix3::identity(), position };
-            let axis = Probe { start: Vector::zeros(), ..*around };
-            // It lies on the other side of the plane here.
-            plane.neg_mut();
-            let gap = placed.gap(&axis, around.radius + self.radius, limit, plane);
-            plane.neg_mut();
-            return gap;
+            let around = Probe { radius: around.radius + self.radius, ..*around };
+            return placed.gap_from_capsule(&around, limit, plane);
         };
         if plane.norm_squared() == 0.0 {
             let distance = self.at_least(None, around, state, limit, plane);
