@@ -94,6 +94,11 @@ pub mod scenario;
 pub mod settings;
 pub mod simulation;
 #[cfg(test)]
+extern crate self as vff_core; // what the tests beside `src` call it
+#[cfg(all(test, feature = "realtime"))]
+#[path = "../tests/all.rs"]
+mod outside;
+#[cfg(test)]
 mod testing;
 #[cfg(all(test, feature = "scenario"))]
 mod tests;

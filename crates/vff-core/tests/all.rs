@@ -1,5 +1,6 @@
-//! The core as its users see it, in one program: each program compiles the core's generic code anew. What counts allocations
-//! is another one, for it has an allocator of its own.
+//! The core as its users see it. `cargo test` runs it within the program of the unit tests, as every program compiles the core's
+//! generic code anew; clippy compiles it as a program of its own, which sees what is public. What counts allocations is
+//! another program, for it has an allocator of its own.
 
 mod another_robot;
 mod architecture;

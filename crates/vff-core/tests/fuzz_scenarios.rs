@@ -2,7 +2,7 @@
 //! in the record of a run that has not diverged. 10⁵ texts are read, and 40 000 of them run. As many more as one likes:
 //!
 //! ```sh
-//! VFF_CASES=1000000 cargo test --release -p vff-core --test all -- --ignored --nocapture scaled
+//! VFF_CASES=1000000 cargo test --release -p vff-core --lib -- --ignored --nocapture scaled
 //! ```
 
 use proptest::collection::vec;
