@@ -89,6 +89,8 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": ".*",
     "image_scrapers": ("pages.written_files",),
+    "reset_modules": ("matplotlib", "pages.warnings_as_errors"),
+    "reset_modules_order": "both",
     "within_subsection_order": "pages.Order",
     "thumbnail_size": (480, 300),
     "abort_on_example_error": True,

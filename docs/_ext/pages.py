@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import shutil
+import warnings
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +87,8 @@ TUTORIALS: dict[str, Shown] = {
     "bring-your-arm": ("head-on", {}),
     "from-osc": ("ur5e-crossed", {}),
 }
+STRICT = ExitStack()
+"""What ends with an example."""
 THUMBNAIL = 2.4, 1.5  # in: small, so that lines are thick
 
 
@@ -127,6 +131,15 @@ def pictured(name: str) -> vff.Result:
     return vff.simulate(scenario, changes)
 
 
+def warnings_as_errors(conf: dict[str, Any], file: str | None, when: str) -> None:
+    """For the gallery: a warning ends an example."""
+    if when == "before" and file is not None:
+        STRICT.enter_context(warnings.catch_warnings())
+        warnings.simplefilter("error")
+    elif when == "after":
+        STRICT.close()
+
+
 def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
     """For the gallery: pictures and pages that an example has written beside itself, moved away. The first
     picture is the thumbnail, and is shown nowhere else.
@@ -135,6 +148,8 @@ def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -
     folder, found = source.parent, []
     if block.type == "code":
         example = source.stem
+        if not (folder / f"{example}.png").read_bytes().startswith(b"\x89PNG"):
+            raise ValueError(f"{example}.png is no picture")
         result = pictured(example) if example in SCENES else vars(variables["fake_main"])["result"]
         thumbnail(result, next(variables["image_path_iterator"]))
     for picture in sorted(folder.glob("*.png")):
