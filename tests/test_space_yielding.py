@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import cache
 from typing import Any
 
@@ -14,6 +15,8 @@ from vffnull.draw.figures.tracking import tracking_error
 from vffnull.errors import ScenarioError
 from vffnull.evaluation import CONTROLLERS
 from vffnull.evaluation.scenes import in_space
+from vffnull.live.readouts import numbers
+from waiting import HANG
 
 READY = np.array([0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854])
 
@@ -135,6 +138,50 @@ def test_the_look_ahead_lets_go_in_order() -> None:
     assert any("let go parts of the task" in line for line in result.headline.lines)
     figure = tracking_error(result)
     assert "lets go turn, orientation" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("dimension", "task", "order", "parts"),
+    [
+        (3, "pose", [], [None]),
+        (3, "pose", ["turn", "orientation", "approach", "position"], None),
+        (3, "pose", ["orientation", "position"], None),
+        (3, "pose", ["turn"], ["turn", None]),
+        (3, "pointing", ["orientation"], ["orientation", None]),
+        (3, "position", ["approach", "position"], ["approach", "position"]),
+        (3, "position", ["position"], ["position"]),
+        (2, "pose", ["position"], ["position", None]),
+    ],
+)
+def test_what_is_let_go_has_a_name(
+    dimension: int, task: str, order: list[str], parts: list[str | None] | None
+) -> None:
+    """What a task does not have is no part of it that is left over."""
+    assert vff._core.parts_of_task(order, task, dimension) == (order if parts is None else parts)
+
+
+def test_parts_that_do_not_exist_are_refused() -> None:
+    with pytest.raises(ValueError, match="yaw"):
+        vff._core.parts_of_task(["yaw"], "pose", 3)
+    with pytest.raises(ValueError, match="grasp"):
+        vff._core.parts_of_task([], "grasp", 3)
+
+
+def test_the_page_says_what_is_let_go() -> None:
+    """The loop of the page names the parts while they are let go, and the read-out shows them."""
+    scene, law = in_space("crowd", "panda", "pose", 530), CONTROLLERS["cbf + preview"]
+    order = {"controller.yielding.order": ["turn", "orientation", "approach", "position"]}
+    live = vff._core.Live(scene.replace(**(law | order)))
+    assert live.snapshot()["released"] == [] and "Lets go" not in numbers(live.snapshot())
+    live.start()
+    try:
+        until = time.monotonic() + HANG
+        while not (state := live.snapshot())["released"] and time.monotonic() < until:
+            time.sleep(0.005)
+    finally:
+        live.stop()
+    assert state["released"] == ["turn", "orientation"]
+    assert "Lets go" in numbers(state) and "turn, orientation" in numbers(state)
 
 
 FOLDING: dict[str, Any] = {

@@ -39,6 +39,7 @@ __all__ = [
     "joints_at",
     "overlapping_links",
     "parse_toml",
+    "parts_of_task",
     "plan",
     "plant",
     "read_urdf",
@@ -2143,6 +2144,29 @@ def rotations(obstacle: _Document, dimension: int, times: ArrayLike) -> _Array |
 
 def matrices(quaternions: ArrayLike) -> _Array: ...
 def quaternions(matrices: ArrayLike) -> _Array: ...
+def parts_of_task(order: Sequence[str], task: str, dimension: int) -> list[str | None]:
+    """The parts of a task, what gives way first before what gives way last (T193).
+
+    Parameters
+    ----------
+    order : sequence of str
+        `controller.yielding.order`.
+    task : str
+        `controller.task`.
+    dimension : int
+        Of the space, 2 or 3.
+
+    Returns
+    -------
+    list of str or None
+        None is what `order` does not name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such part or task.
+    """
+
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """Read TOML.
 

@@ -14,6 +14,7 @@ mod external;
 mod live;
 mod loading;
 mod models;
+mod parts;
 mod perceiver;
 mod planning;
 mod real_time;
@@ -51,6 +52,8 @@ mod _core {
     use crate::models::{
         arm_model, arm_text, check_arm, overlapping_links, read_urdf, reduce_tree,
     };
+    #[pymodule_export]
+    use crate::parts::parts_of_task;
     #[pymodule_export]
     use crate::perceiver::Perceiver;
     #[pymodule_export]

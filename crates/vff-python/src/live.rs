@@ -5,6 +5,7 @@ use crate::convert::{
     self, array2, depth_pictures, keywords, named_document, read_vector, self_motion_map,
 };
 use crate::errors::{self, InputError};
+use crate::parts::named;
 use crate::run::{arrays, measured, prepared};
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -93,12 +94,14 @@ struct Shown {
     t: f64,
     q_plan: Option<Vec<f64>>,
     replans: ReplanCounts,
+    released: Vec<Option<&'static str>>,
     arrays: [(&'static str, Vec<f64>); 9],
 }
 
 impl Shown {
     fn new(live: &mut live::Live) -> Self {
         let ([points, forces], turns) = (live.pushes(), live.turns());
+        let released = named(&live.released());
         let wrenches = live.wrenches();
         let all = |of: fn(&ActingWrench) -> &[f64]| wrenches.iter().flat_map(of).copied().collect();
         let pushed = [all(|wrench| &wrench.point), all(|wrench| &wrench.force)];
@@ -127,6 +130,7 @@ impl Shown {
             t: s.t,
             q_plan: s.q_plan.map(<[f64]>::to_vec),
             replans: s.replans.unwrap_or_default(),
+            released,
             arrays: [
                 ("q", s.q.to_vec()),
                 ("dq", s.dq.to_vec()),
@@ -162,6 +166,7 @@ impl Shown {
         dict.set_item("q_plan", self.q_plan.map(|q| PyArray1::from_vec(py, q)))?;
         dict.set_item("replans", self.replans.taken)?;
         dict.set_item("times_stuck", self.replans.stuck)?;
+        dict.set_item("released", self.released)?;
         let [at, with] = self.pushed;
         let pulled = self.pulled.map(|pull| [pull.wrench.point, pull.wrench.force, pull.anchor]);
         let [pulled_at, pulled_with, anchor] = pulled.unwrap_or_default();

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patches import Patch
 
+import vffnull._core as _core
 from vffnull.draw.primitives import COLOURS
+from vffnull.model.record import THE_REST
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,10 +24,11 @@ _SHARE = 0.28
 
 
 def _parts(result: Outcome) -> list[str]:
-    """The parts of the task in the order in which they give way; the last is what is not named."""
-    order = result.scenario.to_dict()["controller"].get("yielding", {}).get("order") or []
-    whole = {"position", "orientation"} <= set(order)
-    return [*order] if whole else [*order, "the rest"]
+    """The parts of the task in the order in which they give way."""
+    settings = result.scenario.to_dict()["controller"]
+    order = settings.get("yielding", {}).get("order") or []
+    parts = _core.parts_of_task(order, settings.get("task", "position"), result.scenario.arm.dimension)
+    return [part or THE_REST for part in parts]
 
 
 def mark(axes: Iterable[Axes], result: Outcome) -> list[Patch]:

@@ -90,6 +90,9 @@ IN_SPACE: dict[str, Quantity] = {
 }
 """Those that are different of an arm in space."""
 
+THE_REST = "the rest"
+"""What of a task `controller.yielding.order` does not name."""
+
 AXES = ("x", "y", "phi")
 """Names of the task's axes in the plane; a position has the first two, a pose all three."""
 

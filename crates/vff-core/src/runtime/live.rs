@@ -6,6 +6,7 @@ use super::points::PointsError;
 use super::real_time::at_rate;
 use super::run::AnyRun;
 use super::wrenches::{ActingPull, ActingWrench};
+use crate::control::settings::Part;
 use crate::control::{SelfMotionMap, Settings};
 use crate::math::UnitQuaternion;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
@@ -218,6 +219,16 @@ impl Live {
     /// [`ErasedRun::self_motion_map`](crate::runtime::ErasedRun::self_motion_map).
     pub fn self_motion_map(&self) -> Option<SelfMotionMap> {
         self.run.self_motion_map()
+    }
+
+    /// The parts of its task that the look-ahead lets go at present, in their order; None is what is not named. Empty without
+    /// such an order.
+    pub fn released(&self) -> Vec<Option<Part>> {
+        let Settings { yielding, task, .. } = &self.scenario.controller;
+        let mut parts = yielding.parts(self.scenario.scene.dimension(), *task);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few parts")]
+        parts.truncate(self.run.snapshot().released.unwrap_or(0.0) as usize);
+        parts
     }
 
     /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.

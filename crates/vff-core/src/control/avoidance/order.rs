@@ -2,13 +2,51 @@
 //! holds that has let go some.
 
 use crate::control::TaskMetric;
-use crate::control::settings::{Part, Yielding};
+use crate::control::settings::{Part, TaskKind, Yielding};
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 use std::ops::Range;
 
 /// How much more the next part weighs.
 const KEPT: f64 = 10.0;
+
+/// The places of turn, tilt, approach and what is across among `parts`, or behind them, and those that a task of dimension `m` in
+/// a space of dimension `d` has, in ascending order.
+fn places(parts: &[Part], d: usize, m: usize) -> ([usize; 4], Vec<usize>) {
+    let place = |part: Part| parts.iter().position(|named| *named == part);
+    let places = [
+        place(Part::Turn).or(place(Part::Orientation)),
+        place(Part::Orientation),
+        place(Part::Approach).or(place(Part::Position)),
+        place(Part::Position),
+    ]
+    .map(|place| place.unwrap_or(parts.len()));
+    let there = [m == 2 * d, m > d, true, true];
+    let mut taken: Vec<usize> =
+        places.into_iter().zip(there).filter_map(|(at, there)| there.then_some(at)).collect();
+    taken.sort_unstable();
+    taken.dedup();
+    (places, taken)
+}
+
+impl Yielding {
+    /// The parts of a task in a space of dimension `space`, what gives way first before what gives way last (T193); None is what
+    /// `order` does not name. A look-ahead lets go so many of them as it says, from the first.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::control::settings::{Part, TaskKind, Yielding};
+    ///
+    /// let yielding = Yielding { order: Some(vec![Part::Orientation]), ..Yielding::default() };
+    /// assert_eq!(yielding.parts(3, TaskKind::Pose), [Some(Part::Orientation), None]);
+    /// assert_eq!(Yielding::default().parts(3, TaskKind::Pose), [None]);
+    /// ```
+    pub fn parts(&self, space: usize, task: TaskKind) -> Vec<Option<Part>> {
+        let named = self.order.as_deref().unwrap_or_default();
+        let (_, taken) = places(named, space, task.dimension(space).unwrap_or(space));
+        taken.into_iter().map(|at| named.get(at).copied()).collect()
+    }
+}
 
 /// The directions of a task of dimension `M`, each with its place in the order.
 #[derive(Debug, Clone)]
@@ -30,19 +68,7 @@ impl Order {
 
     /// That of these parts; those that are not named come last. What the task does not have takes no place.
     pub fn new<const D: usize, const M: usize>(parts: &[Part]) -> Self {
-        let place = |part: Part| parts.iter().position(|named| *named == part);
-        let places = [
-            place(Part::Turn).or(place(Part::Orientation)),
-            place(Part::Orientation),
-            place(Part::Approach).or(place(Part::Position)),
-            place(Part::Position),
-        ]
-        .map(|place| place.unwrap_or(parts.len()));
-        let there = [M == 2 * D, M > D, true, true];
-        let mut taken: Vec<usize> =
-            places.into_iter().zip(there).filter_map(|(at, there)| there.then_some(at)).collect();
-        taken.sort_unstable();
-        taken.dedup();
+        let (places, taken) = places(parts, D, M);
         let [turn, tilt, approach, across] =
             places.map(|at| taken.iter().position(|place| *place == at).unwrap_or(0));
         Self { turn, tilt, approach, across, count: taken.len() }

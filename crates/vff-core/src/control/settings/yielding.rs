@@ -50,6 +50,18 @@ pub enum Part {
     Position,
 }
 
+impl Part {
+    /// As it is written in a scenario.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Turn => "turn",
+            Self::Orientation => "orientation",
+            Self::Approach => "approach",
+            Self::Position => "position",
+        }
+    }
+}
+
 impl Yielding {
     /// Largest speed of every joint \[rad/s\]: that of the arm, or else `speed`.
     pub(in crate::control) fn joint_speeds<R: Robot<D>, const D: usize>(
