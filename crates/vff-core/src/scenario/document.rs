@@ -2,19 +2,27 @@
 //!
 //! serde's derived code says what is wrong; every container on the way out adds where. Enums are
 //! tables with a `kind`, so that a document reads `shape = { kind = "circle", radius = 0.3 }`.
+//!
+//! Whoever wants to know what a type asks for puts notes in the place of a document. It is the same deserializer because serde's
+//! derived code is compiled anew for each.
 
 use super::error::{Problem, ScenarioError};
+use super::notes::{Answer, Keys, Kind, Note, Repeated};
 use crate::interrupt;
 use serde::de::value::StrDeserializer;
-use serde::de::{
-    self, DeserializeSeed, Deserializer, Error, Expected, IntoDeserializer, Unexpected,
-};
+use serde::de::{self, DeserializeSeed, Deserializer, Error, Expected, Unexpected};
 use serde::forward_to_deserialize_any;
-use std::fmt;
+use std::sync::LazyLock;
+use std::{fmt, iter, slice};
 use toml::{Table, Value};
 
 /// The key that selects the variant of an enum.
 const TAG: &str = "kind";
+/// What answers for a shape.
+static SPHERE: LazyLock<Table> = LazyLock::new(|| {
+    let [kind, radius] = [Value::String("sphere".into()), Value::Float(1.0)];
+    [(TAG.into(), kind), ("radius".into(), radius)].into_iter().collect()
+});
 
 /// Reads a `T` from a document.
 ///
@@ -30,6 +38,14 @@ pub fn read<'de, T: de::Deserialize<'de>>(document: &'de Table) -> Result<T, Sce
 /// As [`read`].
 pub fn read_value<'de, T: de::Deserialize<'de>>(value: &'de Value) -> Result<T, ScenarioError> {
     T::deserialize(Node::from(value))
+}
+
+/// Reads a `T` from answers, and notes what it has asked for.
+///
+/// # Errors
+/// If the type cannot be answered, or a key is missing that the notes have left out.
+pub fn ask<T: de::DeserializeOwned>(note: Note<'_>) -> Result<T, ScenarioError> {
+    T::deserialize(Node::Asked(note))
 }
 
 impl Error for ScenarioError {
@@ -85,14 +101,14 @@ fn in_words(expected: &str) -> String {
     }
 }
 
-/// A value of the document, or all of it.
-#[derive(Clone, Copy)]
-enum Node<'de> {
+/// A value of the document, all of it, or notes in its place.
+enum Node<'de, 'n> {
     Table(&'de Table),
     Other(&'de Value),
+    Asked(Note<'n>),
 }
 
-impl<'de> From<&'de Value> for Node<'de> {
+impl<'de> From<&'de Value> for Node<'de, '_> {
     fn from(value: &'de Value) -> Self {
         match value {
             Value::Table(table) => Self::Table(table),
@@ -101,13 +117,40 @@ impl<'de> From<&'de Value> for Node<'de> {
     }
 }
 
-impl<'de> Deserializer<'de> for Node<'de> {
+fn unanswered(problem: impl Into<String>) -> ScenarioError {
+    ScenarioError::new("", Problem::Other(problem.into()))
+}
+
+/// A scalar of one kind: of a document whatever is there, for the visitor to judge.
+macro_rules! scalar {
+    ($($deserialize:ident, $kind:ident => $visit:ident($value:expr);)*) => {$(
+        fn $deserialize<V: de::Visitor<'de>>(self, visitor: V) -> Result<V::Value, ScenarioError> {
+            match self {
+                Self::Asked(note) => {
+                    note.write(Kind::$kind);
+                    visitor.$visit($value)
+                }
+                given => given.deserialize_any(visitor),
+            }
+        }
+    )*};
+}
+
+impl<'de> Deserializer<'de> for Node<'de, '_> {
     type Error = ScenarioError;
 
     fn deserialize_any<V: de::Visitor<'de>>(self, visitor: V) -> Result<V::Value, ScenarioError> {
         let value = match self {
-            Self::Table(table) => return visitor.visit_map(Entries::new(table, None)),
+            Self::Table(table) => return visitor.visit_map(Entries::of(table, None)),
             Self::Other(value) => value,
+            Self::Asked(note) => {
+                let expected = (&visitor as &dyn Expected).to_string();
+                return match note.any(&expected).map_err(unanswered)? {
+                    Answer::Sphere => visitor.visit_map(Entries::of(&SPHERE, None)),
+                    Answer::Number => visitor.visit_f64(1.0),
+                    Answer::List(values) => visitor.visit_seq(&mut Items::Asked(values)),
+                };
+            }
         };
         match value {
             Value::String(text) => visitor.visit_borrowed_str(text),
@@ -116,17 +159,32 @@ impl<'de> Deserializer<'de> for Node<'de> {
             Value::Boolean(flag) => visitor.visit_bool(*flag),
             Value::Datetime(_) => Err(Error::invalid_type(Unexpected::Other("a date"), &visitor)),
             Value::Array(values) => {
-                let mut items = Items { values: values.iter().enumerate() };
+                let mut items = Items::Of(values.iter().enumerate());
                 let read = visitor.visit_seq(&mut items)?;
-                match items.values.len() {
-                    0 => Ok(read),
+                match de::SeqAccess::size_hint(&&mut items) {
+                    Some(0) => Ok(read),
                     _ => Err(Error::custom(format_args!(
                         "expected fewer values, got {}",
                         values.len()
                     ))),
                 }
             }
-            Value::Table(table) => visitor.visit_map(Entries::new(table, None)),
+            Value::Table(table) => visitor.visit_map(Entries::of(table, None)),
+        }
+    }
+
+    scalar! {
+        deserialize_bool, Flag => visit_bool(true);
+        deserialize_f64, Number => visit_f64(1.0);
+        deserialize_u64, Whole => visit_u64(1);
+        deserialize_str, Text => visit_borrowed_str("");
+        deserialize_string, Text => visit_borrowed_str("");
+    }
+
+    fn deserialize_seq<V: de::Visitor<'de>>(self, visitor: V) -> Result<V::Value, ScenarioError> {
+        match self {
+            Self::Asked(note) => visitor.visit_seq(&mut Items::Asked(note.list(None))),
+            given => given.deserialize_any(visitor),
         }
     }
 
@@ -136,6 +194,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
         visitor: V,
     ) -> Result<V::Value, ScenarioError> {
         match self {
+            Self::Asked(note) => visitor.visit_seq(&mut Items::Asked(note.list(Some(length)))),
             Self::Other(Value::Array(values)) if values.len() != length => {
                 let problem = Problem::WrongLength { expected: length, given: values.len() };
                 Err(ScenarioError::new("", problem))
@@ -149,12 +208,15 @@ impl<'de> Deserializer<'de> for Node<'de> {
     fn deserialize_struct<V: de::Visitor<'de>>(
         self,
         _name: &'static str,
-        _fields: &'static [&'static str],
+        fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, ScenarioError> {
         match self {
             Self::Other(Value::Array(_)) => {
                 Err(Error::invalid_type(Unexpected::Other("a list"), &visitor))
+            }
+            Self::Asked(note) => {
+                visitor.visit_map(Entries::Asked(note.table(fields).map_err(unanswered)?))
             }
             _ => self.deserialize_any(visitor),
         }
@@ -175,10 +237,12 @@ impl<'de> Deserializer<'de> for Node<'de> {
     ) -> Result<V::Value, ScenarioError> {
         match self {
             Self::Other(Value::String(name)) => {
-                visitor.visit_enum(name.as_str().into_deserializer())
+                visitor.visit_enum(Variant { name, keys: VariantKeys::None })
             }
             Self::Table(table) => match table.get(TAG) {
-                Some(Value::String(kind)) => visitor.visit_enum(Variant { kind, table }),
+                Some(Value::String(name)) => {
+                    visitor.visit_enum(Variant { name, keys: VariantKeys::Of(table) })
+                }
                 Some(_) => {
                     let given = Unexpected::Other("another type");
                     Err(ScenarioError::invalid_type(given, &"a name").inside(TAG))
@@ -188,7 +252,11 @@ impl<'de> Deserializer<'de> for Node<'de> {
                     Problem::Other(format!("missing key `{TAG}`, one of {}", variants.join(", "))),
                 )),
             },
-            _ => {
+            Self::Asked(note) => {
+                let (name, note) = note.choose(variants).map_err(unanswered)?;
+                visitor.visit_enum(Variant { name, keys: VariantKeys::Asked(note) })
+            }
+            Self::Other(_) => {
                 let expected = format!("one of {}", variants.join(", "));
                 self.deserialize_any(ExpectedWords(expected, visitor))
             }
@@ -204,8 +272,8 @@ impl<'de> Deserializer<'de> for Node<'de> {
     }
 
     forward_to_deserialize_any! {
-        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit
-        unit_struct seq tuple_struct map identifier ignored_any
+        i8 i16 i32 i64 i128 u8 u16 u32 u128 f32 char bytes byte_buf unit
+        unit_struct tuple_struct map identifier ignored_any
     }
 }
 
@@ -230,92 +298,133 @@ impl<'de, V: de::Visitor<'de>> de::Visitor<'de> for ExpectedWords<V> {
 }
 
 /// The values of a list.
-struct Items<'de> {
-    values: std::iter::Enumerate<std::slice::Iter<'de, Value>>,
+enum Items<'de, 'n> {
+    Of(iter::Enumerate<slice::Iter<'de, Value>>),
+    Asked(Repeated<'n>),
 }
 
-impl<'de> de::SeqAccess<'de> for &mut Items<'de> {
+impl<'de> de::SeqAccess<'de> for &mut Items<'de, '_> {
     type Error = ScenarioError;
 
     fn next_element_seed<T: DeserializeSeed<'de>>(
         &mut self,
         seed: T,
     ) -> Result<Option<T::Value>, ScenarioError> {
-        let Some((index, value)) = self.values.next() else { return Ok(None) };
+        let (index, node) = match self {
+            Items::Of(values) => match values.next() {
+                Some((index, value)) => (index, Node::from(value)),
+                None => return Ok(None),
+            },
+            Items::Asked(values) => match values.next_value() {
+                Some(note) => (0, Node::Asked(note)),
+                None => return Ok(None),
+            },
+        };
         interrupt::checkpoint(512);
-        seed.deserialize(Node::from(value))
-            .map(Some)
-            .map_err(|error| error.inside(&format!("[{index}]")))
+        seed.deserialize(node).map(Some).map_err(|error| error.inside(&format!("[{index}]")))
     }
 
     fn size_hint(&self) -> Option<usize> {
-        Some(self.values.len())
+        match self {
+            Items::Of(values) => Some(values.len()),
+            Items::Asked(_) => None,
+        }
     }
 }
 
 /// The entries of a table, without its tag.
-struct Entries<'de> {
-    entries: toml::map::Iter<'de, String, Value>,
-    skip: Option<&'static str>,
-    pending: Option<(&'de str, &'de Value)>,
+enum Entries<'de, 'n> {
+    Of {
+        entries: toml::map::Iter<'de, String, Value>,
+        skip: Option<&'static str>,
+        pending: Option<(&'de str, &'de Value)>,
+    },
+    Asked(Keys<'n>),
 }
 
-impl<'de> Entries<'de> {
-    fn new(table: &'de Table, skip: Option<&'static str>) -> Self {
-        Self { entries: table.iter(), skip, pending: None }
+impl<'de> Entries<'de, '_> {
+    fn of(table: &'de Table, skip: Option<&'static str>) -> Self {
+        Self::Of { entries: table.iter(), skip, pending: None }
     }
 }
 
-impl<'de> de::MapAccess<'de> for Entries<'de> {
+impl<'de> de::MapAccess<'de> for Entries<'de, '_> {
     type Error = ScenarioError;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(
         &mut self,
         seed: K,
     ) -> Result<Option<K::Value>, ScenarioError> {
-        let next = self.entries.find(|(key, _)| Some(key.as_str()) != self.skip);
-        let Some((key, value)) = next else { return Ok(None) };
-        self.pending = Some((key, value));
-        seed.deserialize(StrDeserializer::<ScenarioError>::new(key)).map(Some)
+        let key = match self {
+            Self::Of { entries, skip, pending } => {
+                let next = entries.find(|(key, _)| Some(key.as_str()) != *skip);
+                *pending = next.map(|(key, value)| (key.as_str(), value));
+                pending.map(|(key, _)| key)
+            }
+            Self::Asked(keys) => keys.next_key(),
+        };
+        key.map(|key| seed.deserialize(StrDeserializer::<ScenarioError>::new(key))).transpose()
     }
 
     fn next_value_seed<T: DeserializeSeed<'de>>(
         &mut self,
         seed: T,
     ) -> Result<T::Value, ScenarioError> {
-        let Some((key, value)) = self.pending.take() else {
+        let pending = match self {
+            Self::Of { pending, .. } => pending.take().map(|(key, value)| (key, Node::from(value))),
+            Self::Asked(keys) => keys.value().map(|note| ("", Node::Asked(note))),
+        };
+        let Some((key, node)) = pending else {
             return Err(Error::custom("a value was asked for before its key"));
         };
-        seed.deserialize(Node::from(value)).map_err(|error| error.inside(key))
+        seed.deserialize(node).map_err(|error| error.inside(key))
     }
 }
 
-/// A table whose tag names a variant.
-struct Variant<'de> {
-    kind: &'de str,
-    table: &'de Table,
+/// A variant by its name.
+struct Variant<'de, 'n> {
+    name: &'de str,
+    keys: VariantKeys<'de, 'n>,
 }
 
-impl<'de> de::EnumAccess<'de> for Variant<'de> {
+/// What a variant has beside its name.
+enum VariantKeys<'de, 'n> {
+    /// Nothing: there is only the name.
+    None,
+    /// What is in a table beside the tag.
+    Of(&'de Table),
+    Asked(Note<'n>),
+}
+
+impl<'de, 'n> de::EnumAccess<'de> for Variant<'de, 'n> {
     type Error = ScenarioError;
-    type Variant = Self;
+    type Variant = VariantKeys<'de, 'n>;
 
     fn variant_seed<T: DeserializeSeed<'de>>(
         self,
         seed: T,
-    ) -> Result<(T::Value, Self), ScenarioError> {
-        let name = StrDeserializer::<ScenarioError>::new(self.kind);
-        seed.deserialize(name).map(|value| (value, self)).map_err(|error| error.inside(TAG))
+    ) -> Result<(T::Value, VariantKeys<'de, 'n>), ScenarioError> {
+        let Self { name, keys } = self;
+        let tag = if matches!(keys, VariantKeys::Of(_)) { TAG } else { "" };
+        let read = seed.deserialize(StrDeserializer::<ScenarioError>::new(name));
+        read.map(|value| (value, keys)).map_err(|error| error.inside(tag))
     }
 }
 
-impl<'de> de::VariantAccess<'de> for Variant<'de> {
+impl<'de> de::VariantAccess<'de> for VariantKeys<'de, '_> {
     type Error = ScenarioError;
 
     fn unit_variant(self) -> Result<(), ScenarioError> {
-        match self.table.keys().find(|key| *key != TAG) {
-            None => Ok(()),
-            Some(key) => Err(Error::unknown_field(key, &[])),
+        match self {
+            Self::None => Ok(()),
+            Self::Of(table) => match table.keys().find(|key| *key != TAG) {
+                None => Ok(()),
+                Some(key) => Err(Error::unknown_field(key, &[])),
+            },
+            Self::Asked(note) => {
+                note.write(Kind::Unit);
+                Ok(())
+            }
         }
     }
 
@@ -336,9 +445,15 @@ impl<'de> de::VariantAccess<'de> for Variant<'de> {
 
     fn struct_variant<V: de::Visitor<'de>>(
         self,
-        _fields: &'static [&'static str],
+        fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, ScenarioError> {
-        visitor.visit_map(Entries::new(self.table, Some(TAG)))
+        visitor.visit_map(match self {
+            Self::None => {
+                return Err(Error::invalid_type(Unexpected::UnitVariant, &"struct variant"));
+            }
+            Self::Of(table) => Entries::of(table, Some(TAG)),
+            Self::Asked(note) => Entries::Asked(note.table(fields).map_err(unanswered)?),
+        })
     }
 }

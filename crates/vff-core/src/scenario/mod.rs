@@ -10,6 +10,7 @@ mod document;
 mod error;
 mod json_schema;
 mod look_ahead;
+mod notes;
 mod numbers;
 pub mod plane;
 mod prepare;

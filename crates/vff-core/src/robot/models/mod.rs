@@ -7,6 +7,7 @@ mod interface;
 use super::description::{ArmDescription, DescriptionError};
 use super::names::hint;
 pub use interface::{Interface, interface, with_interface};
+use toml::Table;
 
 /// Text of every bundled arm, by name.
 const TEXTS: [(&str, &str); 7] = [
@@ -76,8 +77,8 @@ pub fn text(name: &str) -> Result<&'static str, ModelError> {
 /// # Ok::<(), vff_core::robot::models::ModelError>(())
 /// ```
 pub fn named(name: &str) -> Result<ArmDescription, ModelError> {
-    let arm: ArmDescription =
-        toml::from_str(text(name)?).map_err(|error| ModelError::Syntax(error.to_string()))?;
+    let read = |text: &str| text.parse::<Table>()?.try_into::<ArmDescription>();
+    let arm = read(text(name)?).map_err(|error| ModelError::Syntax(error.to_string()))?;
     Ok(arm.checked()?)
 }
 

@@ -7,6 +7,8 @@ mod text;
 mod trace;
 
 use super::SCHEMA;
+use super::error::ScenarioError;
+use super::notes::{Key, Kind, Required};
 use super::tables::SPATIAL_KEYS;
 use super::tables::{CONTACT, Tables, UNREACHABLE, WhereUnreachable};
 use crate::control::deadline::UNLIMITED;
@@ -14,7 +16,7 @@ use crate::control::settings::OF_THE_ROBOT;
 use crate::simulation::{ContactSettings, Plane, Space};
 use serde_json::{Map, Value, json};
 use text::{Row, Rows, SPACE};
-use trace::{Fault, Key, Kind, Required, trace};
+use trace::trace;
 
 /// The JSON Schema (draft 7) of a scenario.
 ///
@@ -28,7 +30,7 @@ pub fn json_schema() -> String {
     format!("{schema:#}")
 }
 
-fn schema_of_scenario() -> Result<Value, Fault> {
+fn schema_of_scenario() -> Result<Value, ScenarioError> {
     let rows = text::rows(SCHEMA);
     let plane = schema(&in_the_plane()?, "", &rows);
     let space = schema(&in_space()?, SPACE, &rows);
@@ -48,7 +50,7 @@ fn schema_of_scenario() -> Result<Value, Fault> {
 
 /// The keys in the plane. Some types can hold what belongs to space: how an obstacle is turned at way points is an angle
 /// here, links have two sides, and there are no cameras.
-fn in_the_plane() -> Result<Kind, Fault> {
+fn in_the_plane() -> Result<Kind, ScenarioError> {
     let spatial = [
         "orientations",
         "around",
@@ -63,12 +65,12 @@ fn in_the_plane() -> Result<Kind, Fault> {
 }
 
 /// The keys in space, where that is an orientation.
-fn in_space() -> Result<Kind, Fault> {
+fn in_space() -> Result<Kind, ScenarioError> {
     with_shared(trace::<Tables<Space, 3>>()?.without("angles"))
 }
 
 /// Adds to every reference, but to a plan, and to every obstacle the key that they share.
-fn with_shared(mut scenario: Kind) -> Result<Kind, Fault> {
+fn with_shared(mut scenario: Kind) -> Result<Kind, ScenarioError> {
     let [choice, contact] = [trace::<WhereUnreachable>()?, trace::<ContactSettings>()?];
     let Kind::Table(keys) = &mut scenario else { return Ok(scenario) };
     for key in keys.iter_mut().filter(|key| key.name == "obstacles") {
