@@ -172,7 +172,9 @@ def test_the_page_says_what_is_let_go() -> None:
     scene, law = in_space("crowd", "panda", "pose", 530), CONTROLLERS["cbf + preview"]
     order = {"controller.yielding.order": ["turn", "orientation", "approach", "position"]}
     live = vff._core.Live(scene.replace(**(law | order)))
-    assert live.snapshot()["released"] == [] and "Lets go" not in numbers(live.snapshot())
+    assert live.snapshot()["released"] == [] and "nothing" in numbers(live.snapshot())
+    without = vff._core.Live(scene.replace(**law)).snapshot()
+    assert without["released"] is None and "Lets go" not in numbers(without)
     live.start()
     try:
         until = time.monotonic() + HANG
@@ -181,7 +183,7 @@ def test_the_page_says_what_is_let_go() -> None:
     finally:
         live.stop()
     assert state["released"] == ["turn", "orientation"]
-    assert "Lets go" in numbers(state) and "turn, orientation" in numbers(state)
+    assert "turn, orientation" in numbers(state) and "nothing" not in numbers(state)
 
 
 FOLDING: dict[str, Any] = {

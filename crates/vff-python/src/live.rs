@@ -94,14 +94,14 @@ struct Shown {
     t: f64,
     q_plan: Option<Vec<f64>>,
     replans: ReplanCounts,
-    released: Vec<Option<&'static str>>,
+    released: Option<Vec<Option<&'static str>>>,
     arrays: [(&'static str, Vec<f64>); 9],
 }
 
 impl Shown {
     fn new(live: &mut live::Live) -> Self {
         let ([points, forces], turns) = (live.pushes(), live.turns());
-        let released = named(&live.released());
+        let released = live.released().as_deref().map(named);
         let wrenches = live.wrenches();
         let all = |of: fn(&ActingWrench) -> &[f64]| wrenches.iter().flat_map(of).copied().collect();
         let pushed = [all(|wrench| &wrench.point), all(|wrench| &wrench.force)];

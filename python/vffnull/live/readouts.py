@@ -29,8 +29,9 @@ def numbers(state: Mapping[str, Any]) -> str:
         tilt, spilt, limit = np.degrees(state["tilt"]), state["spilt"], np.degrees(SPILLS)
         level = f"tilted {tilt:.1f}°" + (f", {100 * spilt:.0f} % spilt" if spilt > 0 else "")
         rows.append((f"Cup (spills at {limit:.0f}°)", "cup", level, spilt <= 0))
-    if state["released"]:
-        rows.append(("Lets go", "let-go", ", ".join(part or THE_REST for part in state["released"]), False))
+    if (parts := state["released"]) is not None:
+        named = ", ".join(part or THE_REST for part in parts)
+        rows.append(("Lets go", "let-go", named or "nothing", not parts))
     if np.isfinite(least):
         rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
         rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))

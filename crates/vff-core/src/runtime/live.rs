@@ -221,14 +221,15 @@ impl Live {
         self.run.self_motion_map()
     }
 
-    /// The parts of its task that the look-ahead lets go at present, in their order; None is what is not named. Empty without
-    /// such an order.
-    pub fn released(&self) -> Vec<Option<Part>> {
+    /// The parts of its task that the look-ahead lets go at present, in their order; None among them is what is not named. None
+    /// at all without such an order.
+    pub fn released(&self) -> Option<Vec<Option<Part>>> {
+        let released = self.run.snapshot().released?;
         let Settings { yielding, task, .. } = &self.scenario.controller;
         let mut parts = yielding.parts(self.scenario.scene.dimension(), *task);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few parts")]
-        parts.truncate(self.run.snapshot().released.unwrap_or(0.0) as usize);
-        parts
+        parts.truncate(released as usize);
+        Some(parts)
     }
 
     /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.
