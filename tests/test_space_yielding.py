@@ -157,14 +157,15 @@ def test_what_is_let_go_has_a_name(
     dimension: int, task: str, order: list[str], parts: list[str | None] | None
 ) -> None:
     """What a task does not have is no part of it that is left over."""
-    assert vff._core.parts_of_task(order, task, dimension) == (order if parts is None else parts)
+    controller = {"task": task, "yielding": {"order": order}}
+    assert vff._core.parts_of_task(controller, dimension) == (order if parts is None else parts)
 
 
 def test_parts_that_do_not_exist_are_refused() -> None:
     with pytest.raises(ValueError, match="yaw"):
-        vff._core.parts_of_task(["yaw"], "pose", 3)
+        vff._core.parts_of_task({"task": "pose", "yielding": {"order": ["yaw"]}}, 3)
     with pytest.raises(ValueError, match="grasp"):
-        vff._core.parts_of_task([], "grasp", 3)
+        vff._core.parts_of_task({"task": "grasp"}, 3)
 
 
 def test_the_page_says_what_is_let_go() -> None:

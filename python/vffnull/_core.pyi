@@ -2144,26 +2144,24 @@ def rotations(obstacle: _Document, dimension: int, times: ArrayLike) -> _Array |
 
 def matrices(quaternions: ArrayLike) -> _Array: ...
 def quaternions(matrices: ArrayLike) -> _Array: ...
-def parts_of_task(order: Sequence[str], task: str, dimension: int) -> list[str | None]:
+def parts_of_task(document: Mapping[str, Any], dimension: int) -> list[str | None]:
     """The parts of a task, what gives way first before what gives way last (T193).
 
     Parameters
     ----------
-    order : sequence of str
-        `controller.yielding.order`.
-    task : str
-        `controller.task`.
+    document : Mapping
+        The `[controller]` of a scenario.
     dimension : int
         Of the space, 2 or 3.
 
     Returns
     -------
     list of str or None
-        None is what `order` does not name.
+        None is what `yielding.order` does not name.
 
     Raises
     ------
-    ValueError
+    vffnull.errors.ScenarioError
         If there is no such part or task.
     """
 

@@ -14,7 +14,6 @@ mod external;
 mod live;
 mod loading;
 mod models;
-mod parts;
 mod perceiver;
 mod planning;
 mod real_time;
@@ -53,8 +52,6 @@ mod _core {
         arm_model, arm_text, check_arm, overlapping_links, read_urdf, reduce_tree,
     };
     #[pymodule_export]
-    use crate::parts::parts_of_task;
-    #[pymodule_export]
     use crate::perceiver::Perceiver;
     #[pymodule_export]
     use crate::planning::{joints_at, plan};
@@ -64,8 +61,8 @@ mod _core {
     use crate::rotations::{matrices, quaternions};
     #[pymodule_export]
     use crate::run::{
-        assess_feasibility, check, format_toml, motion_bounds, parse_toml, run, run_many, schema,
-        schema_json,
+        assess_feasibility, check, format_toml, motion_bounds, parse_toml, parts_of_task, run,
+        run_many, schema, schema_json,
     };
     #[pymodule_export]
     use crate::shapes::{hull, rotations};

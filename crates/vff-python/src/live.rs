@@ -5,8 +5,7 @@ use crate::convert::{
     self, array2, depth_pictures, keywords, named_document, read_vector, self_motion_map,
 };
 use crate::errors::{self, InputError};
-use crate::parts::named;
-use crate::run::{arrays, measured, prepared};
+use crate::run::{arrays, measured, named, prepared};
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;

@@ -15,6 +15,7 @@ use std::time::Instant;
 use vff_core::runtime::batch::{Batch, BatchError, Rollout};
 use vff_core::simulation::{Array, Metric, Record, Replanned, Status, Value};
 use vff_core::{
+    control::settings,
     interrupt,
     planning::feasibility,
     runtime,
@@ -285,6 +286,38 @@ pub fn motion_bounds(
 ) -> PyResult<(f64, f64)> {
     let bounds = scenario::motion_bounds(&document);
     bounds.map(Into::into).map_err(|error| errors::scenario(&error))
+}
+
+/// The parts of a task, what gives way first before what gives way last (T193).
+///
+/// Parameters
+/// ----------
+/// document : Mapping
+///     The `[controller]` of a scenario.
+/// dimension : int
+///     Of the space, 2 or 3.
+///
+/// Returns
+/// -------
+/// list of str or None
+///     None is what `yielding.order` does not name.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If there is no such part or task.
+#[pyfunction]
+pub fn parts_of_task(
+    #[pyo3(from_py_with = document)] document: toml::Table,
+    dimension: usize,
+) -> PyResult<Vec<Option<&'static str>>> {
+    let parts = scenario::parts_of_task(&document, dimension);
+    parts.map(|parts| named(&parts)).map_err(|error| errors::scenario(&error))
+}
+
+/// Parts of a task by what a scenario calls them.
+pub fn named(parts: &[Option<settings::Part>]) -> Vec<Option<&'static str>> {
+    parts.iter().map(|part| part.map(settings::Part::name)).collect()
 }
 
 /// Read TOML.

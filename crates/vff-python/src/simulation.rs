@@ -393,7 +393,8 @@ impl From<Snapshot<'_>> for State {
             wrench_estimate: s.wrench_estimate.unwrap_or_default().to_vec(),
             touched_link: s.touched_link.filter(|link| *link < s.q.len()),
             yielded: s.yielded,
-            released: s.released,
+            #[expect(clippy::cast_precision_loss, reason = "few parts")]
+            released: s.released.map(|parts| parts as f64),
             sensed: written(s.sensed),
         }
     }

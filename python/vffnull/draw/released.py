@@ -25,9 +25,7 @@ _SHARE = 0.28
 
 def _parts(result: Outcome) -> list[str]:
     """The parts of the task in the order in which they give way."""
-    settings = result.scenario.to_dict()["controller"]
-    order = settings.get("yielding", {}).get("order") or []
-    parts = _core.parts_of_task(order, settings.get("task", "position"), result.scenario.arm.dimension)
+    parts = _core.parts_of_task(result.scenario["controller"], result.scenario.arm.dimension)
     return [part or THE_REST for part in parts]
 
 

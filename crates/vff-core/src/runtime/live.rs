@@ -227,8 +227,7 @@ impl Live {
         let released = self.run.snapshot().released?;
         let Settings { yielding, task, .. } = &self.scenario.controller;
         let mut parts = yielding.parts(self.scenario.scene.dimension(), *task);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few parts")]
-        parts.truncate(released as usize);
+        parts.truncate(released);
         Some(parts)
     }
 

@@ -117,10 +117,6 @@ impl<'de> From<&'de Value> for Node<'de, '_> {
     }
 }
 
-fn unanswered(problem: impl Into<String>) -> ScenarioError {
-    ScenarioError::new("", Problem::Other(problem.into()))
-}
-
 /// A scalar of one kind: of a document whatever is there, for the visitor to judge.
 macro_rules! scalar {
     ($($deserialize:ident, $kind:ident => $visit:ident($value:expr);)*) => {$(
@@ -145,7 +141,7 @@ impl<'de> Deserializer<'de> for Node<'de, '_> {
             Self::Other(value) => value,
             Self::Asked(note) => {
                 let expected = (&visitor as &dyn Expected).to_string();
-                return match note.any(&expected).map_err(unanswered)? {
+                return match note.any(&expected).map_err(ScenarioError::custom)? {
                     Answer::Sphere => visitor.visit_map(Entries::of(&SPHERE, None)),
                     Answer::Number => visitor.visit_f64(1.0),
                     Answer::List(values) => visitor.visit_seq(&mut Items::Asked(values)),
@@ -161,9 +157,9 @@ impl<'de> Deserializer<'de> for Node<'de, '_> {
             Value::Array(values) => {
                 let mut items = Items::Of(values.iter().enumerate());
                 let read = visitor.visit_seq(&mut items)?;
-                match de::SeqAccess::size_hint(&&mut items) {
-                    Some(0) => Ok(read),
-                    _ => Err(Error::custom(format_args!(
+                match items.next_node() {
+                    None => Ok(read),
+                    Some(_) => Err(Error::custom(format_args!(
                         "expected fewer values, got {}",
                         values.len()
                     ))),
@@ -215,9 +211,8 @@ impl<'de> Deserializer<'de> for Node<'de, '_> {
             Self::Other(Value::Array(_)) => {
                 Err(Error::invalid_type(Unexpected::Other("a list"), &visitor))
             }
-            Self::Asked(note) => {
-                visitor.visit_map(Entries::Asked(note.table(fields).map_err(unanswered)?))
-            }
+            Self::Asked(note) => visitor
+                .visit_map(Entries::Asked(note.table(fields).map_err(ScenarioError::custom)?)),
             _ => self.deserialize_any(visitor),
         }
     }
@@ -253,7 +248,7 @@ impl<'de> Deserializer<'de> for Node<'de, '_> {
                 )),
             },
             Self::Asked(note) => {
-                let (name, note) = note.choose(variants).map_err(unanswered)?;
+                let (name, note) = note.choose(variants).map_err(ScenarioError::custom)?;
                 visitor.visit_enum(Variant { name, keys: VariantKeys::Asked(note) })
             }
             Self::Other(_) => {
@@ -303,6 +298,16 @@ enum Items<'de, 'n> {
     Asked(Repeated<'n>),
 }
 
+impl<'de> Items<'de, '_> {
+    /// The next value, with its number.
+    fn next_node(&mut self) -> Option<(usize, Node<'de, '_>)> {
+        match self {
+            Self::Of(values) => values.next().map(|(index, value)| (index, Node::from(value))),
+            Self::Asked(values) => values.next_value().map(|note| (0, Node::Asked(note))),
+        }
+    }
+}
+
 impl<'de> de::SeqAccess<'de> for &mut Items<'de, '_> {
     type Error = ScenarioError;
 
@@ -310,16 +315,7 @@ impl<'de> de::SeqAccess<'de> for &mut Items<'de, '_> {
         &mut self,
         seed: T,
     ) -> Result<Option<T::Value>, ScenarioError> {
-        let (index, node) = match self {
-            Items::Of(values) => match values.next() {
-                Some((index, value)) => (index, Node::from(value)),
-                None => return Ok(None),
-            },
-            Items::Asked(values) => match values.next_value() {
-                Some(note) => (0, Node::Asked(note)),
-                None => return Ok(None),
-            },
-        };
+        let Some((index, node)) = self.next_node() else { return Ok(None) };
         interrupt::checkpoint(512);
         seed.deserialize(node).map(Some).map_err(|error| error.inside(&format!("[{index}]")))
     }
@@ -372,7 +368,7 @@ impl<'de> de::MapAccess<'de> for Entries<'de, '_> {
     ) -> Result<T::Value, ScenarioError> {
         let pending = match self {
             Self::Of { pending, .. } => pending.take().map(|(key, value)| (key, Node::from(value))),
-            Self::Asked(keys) => keys.value().map(|note| ("", Node::Asked(note))),
+            Self::Asked(keys) => keys.value().map(|(key, note)| (key, Node::Asked(note))),
         };
         let Some((key, node)) = pending else {
             return Err(Error::custom("a value was asked for before its key"));
@@ -453,7 +449,7 @@ impl<'de> de::VariantAccess<'de> for VariantKeys<'de, '_> {
                 return Err(Error::invalid_type(Unexpected::UnitVariant, &"struct variant"));
             }
             Self::Of(table) => Entries::of(table, Some(TAG)),
-            Self::Asked(note) => Entries::Asked(note.table(fields).map_err(unanswered)?),
+            Self::Asked(note) => Entries::Asked(note.table(fields).map_err(ScenarioError::custom)?),
         })
     }
 }

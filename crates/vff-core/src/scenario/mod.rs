@@ -37,7 +37,7 @@ pub(crate) use validate::{no_such_link, not_in_the_plane};
 pub use warnings::sampling_bounds;
 pub(crate) use warnings::{misread_obstacle, misread_scene};
 
-use crate::control::{Gravity, Settings};
+use crate::control::{Gravity, Settings, settings};
 use crate::math::{ScalarOrVec, memory};
 use crate::robot::models::{self, Interface};
 use crate::robot::{Limits, Model, PlanarArm, SpatialArm};
@@ -190,6 +190,29 @@ pub fn motion_bounds(document: &Table) -> Result<[f64; 2], ScenarioError> {
         3 => bounds::<3>(document),
         _ => bounds::<2>(document),
     }
+}
+
+/// The parts of the task of a `[controller]` table in a space of so many dimensions, as [`Yielding::parts`] has them.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+///
+/// # Example
+/// ```
+/// use vff_core::control::settings::Part;
+/// use vff_core::scenario::{parse_toml, parts_of_task};
+///
+/// let controller = parse_toml("task = \"pose\"\nyielding = { order = [\"turn\"] }").unwrap();
+/// assert_eq!(parts_of_task(&controller, 3), Ok(vec![Some(Part::Turn), None]));
+/// ```
+///
+/// [`Yielding::parts`]: crate::control::settings::Yielding::parts
+pub fn parts_of_task(
+    document: &Table,
+    dimension: usize,
+) -> Result<Vec<Option<settings::Part>>, ScenarioError> {
+    let Settings { yielding, task, .. } = read(document)?;
+    Ok(yielding.parts(dimension, task))
 }
 
 /// A part of a scenario that can be validated on its own.

@@ -126,7 +126,7 @@ pub enum Answer<'a> {
 const TWO_WAYS: &str = "one type, read in two ways";
 
 impl<'a> Note<'a> {
-    /// In the place of a whole document.
+    /// In the place of a value that is not inside of a list.
     pub fn of(kind: &'a mut Kind, untested: &'a Cell<bool>) -> Self {
         Self { kind, untested, listed: false }
     }
@@ -210,7 +210,7 @@ impl<'a> Note<'a> {
         let chosen = *next;
         *next = (chosen + 1) % variants.len();
         let (name, kind) = &mut variants[chosen];
-        Ok((name, Self { kind, untested, listed: false }))
+        Ok((name, Self::of(kind, untested)))
     }
 }
 
@@ -233,7 +233,7 @@ impl Repeated<'_> {
 /// The keys of a table, one of them left out if none has been yet.
 pub struct Keys<'a> {
     keys: slice::IterMut<'a, Key>,
-    value: Option<&'a mut Kind>,
+    value: Option<(&'static str, &'a mut Kind)>,
     untested: &'a Cell<bool>,
 }
 
@@ -247,15 +247,15 @@ impl<'a> Keys<'a> {
                 key.required = Required::Tested;
                 continue;
             }
-            self.value = Some(&mut key.kind);
+            self.value = Some((key.name, &mut key.kind));
             return Some(key.name);
         }
         None
     }
 
-    /// The place of its value.
-    pub fn value(&mut self) -> Option<Note<'a>> {
-        let kind = self.value.take()?;
-        Some(Note { kind, untested: self.untested, listed: false })
+    /// Its name, and the place of its value.
+    pub fn value(&mut self) -> Option<(&'static str, Note<'a>)> {
+        let (name, kind) = self.value.take()?;
+        Some((name, Note::of(kind, self.untested)))
     }
 }

@@ -313,7 +313,7 @@ impl Metrics {
             self.max_yielded = Some(larger(self.max_yielded.unwrap_or(0.0), yielded));
         }
         if let Some(released) = s.released {
-            *self.released_samples.get_or_insert(0) += usize::from(released > 0.0);
+            *self.released_samples.get_or_insert(0) += usize::from(released > 0);
         }
         if let Some(is_stopped) = s.is_stopped {
             *self.stopped_samples.get_or_insert(0) += usize::from(is_stopped);

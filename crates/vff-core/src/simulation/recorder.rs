@@ -385,7 +385,8 @@ impl Record {
         self.contact_deviation.extend_from_slice(s.contact_deviation.unwrap_or_default());
         self.contact_threshold.extend_from_slice(s.contact_threshold.unwrap_or_default());
         self.yielded.extend(s.yielded);
-        self.released.extend(s.released);
+        #[expect(clippy::cast_precision_loss, reason = "few parts")]
+        self.released.extend(s.released.map(|parts| parts as f64));
         self.slack.extend(s.slack);
         self.path_time.extend(s.path_time);
         self.q_plan.extend_from_slice(s.q_plan.unwrap_or_default());

@@ -104,7 +104,7 @@ pub struct Snapshot<'a> {
     /// By how much the end effector gives way to a push \[m\]; `None` without a reaction.
     pub yielded: Option<f64>,
     /// How many parts of its task the look-ahead lets go, in their order (T193); `None` where none is given.
-    pub released: Option<f64>,
+    pub released: Option<usize>,
     /// Whether a push has stopped the task; `None` where none ever does.
     pub is_stopped: Option<bool>,
     /// Smallest surface distance of two links that share no joint \[m\]; `None` where not measured.

@@ -105,9 +105,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
     }
 
     /// How many parts of its task the look-ahead lets go at present, in the `order` of the settings (T193); None without both.
-    #[expect(clippy::cast_precision_loss, reason = "few parts")]
-    pub fn released(&self) -> Option<f64> {
-        self.preview.as_ref()?.released().map(|parts| parts as f64)
+    pub fn released(&self) -> Option<usize> {
+        self.preview.as_ref()?.released()
     }
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.

@@ -6,7 +6,7 @@
 use crate::scenario::document;
 use crate::scenario::error::{Problem, ScenarioError};
 use crate::scenario::notes::{Kind, Note};
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error};
 use std::cell::Cell;
 
 /// More passes than any type needs.
@@ -20,15 +20,14 @@ pub fn trace<T: DeserializeOwned>() -> Result<Kind, ScenarioError> {
     let mut kind = Kind::Unknown;
     for _ in 0..MAX_PASSES {
         let untested = Cell::new(true);
-        let read = document::ask::<T>(Note::of(&mut kind, &untested));
-        let missing = match read.map_err(|error| error.problem) {
+        let missing = match document::ask::<T>(Note::of(&mut kind, &untested)) {
             Ok(_) => false,
-            Err(Problem::MissingKey(_)) => true,
-            Err(other) => return Err(ScenarioError::new("", other)),
+            Err(ScenarioError { problem: Problem::MissingKey(_), .. }) => true,
+            Err(other) => return Err(other),
         };
         if !kind.conclude(missing) {
             return Ok(kind);
         }
     }
-    Err(ScenarioError::new("", Problem::Other("more variants than expected".into())))
+    Err(Error::custom("more variants than expected"))
 }
