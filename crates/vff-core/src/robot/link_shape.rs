@@ -108,9 +108,9 @@ impl PlacedShape {
         let hull = |key: &str, points: &[[f64; 3]]| {
             let points: Vec<[f64; 3]> =
                 points.iter().map(|point| placed((*point).into()).into()).collect();
-            let hull = Hull::new(&points)
+            let (hull, around) = Hull::with_capsule(&points)
                 .map_err(|error| refused(path, ShapeFault::stated(key, error.to_string())))?;
-            Ok((hull.enclosing(), Some(hull)))
+            Ok((around, Some(hull)))
         };
         match &self.shape {
             Shape::Sphere { radius } => Ok(round([self.center.unwrap_or_default(); 2], *radius)),

@@ -284,7 +284,7 @@ pub trait Robot<const D: usize> {
     ) {
     }
     /// How far a pair of these bodies is apart at least \[m\], of which one is a hull: never more than their distance, and less by
-    /// rounding alone; `limit` where it is not below that, and −∞ where they overlap. ∞ where both are capsules. `plane` is the normal
+    /// rounding alone; from `limit` on, anything that is not below, and −∞ where they overlap. ∞ where both are capsules. `plane` is the normal
     /// of the plane that told them apart last, from the first to the second, and is asked first; 0 where none is known. What is told
     /// is so along the normal that is left there, if one is.
     fn apart_at_least(&self, _pair: [usize; 2], _limit: f64, _plane: &mut Vector<D>) -> f64 {

@@ -109,11 +109,10 @@ impl<const D: usize> OwnPair<D> {
     /// ```
     /// use std::sync::Arc;
     /// use vff_core::control::distance::OwnPair;
-    /// use vff_core::math::Vector;
-    /// use vff_core::robot::{Robot, models};
+    /// use vff_core::{math, robot::{Robot, models}};
     ///
     /// let arm = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
-    /// let within = |pair, limit| OwnPair::at_least(&arm, pair, limit, &mut Vector::<3>::zeros());
+    /// let within = |pair, limit| OwnPair::at_least(&arm, pair, limit, &mut math::Vector::<3>::zeros());
     /// let apart = arm.body_pairs().map(|pair| within(pair, 9.0)).fold(9.0, f64::min);
     /// assert!(arm.body_pairs().all(|pair| within(pair, apart) >= apart));
     /// ```
@@ -125,10 +124,11 @@ impl<const D: usize> OwnPair<D> {
     ) -> f64 {
         interrupt::checkpoint(32);
         let [(a, one), (b, other)] = pair.map(|i| solid(robot, i));
-        let capsules = nearest(&a, &b);
-        if capsules.distance >= limit || !(one || other) {
-            *plane = -capsules.normal;
-            return capsules.distance;
+        let is_hull = one || other;
+        let capsules = (!is_hull || plane.norm_squared() == 0.0).then(|| nearest(&a, &b));
+        if let Some(known) = capsules.filter(|known| !is_hull || known.distance >= limit) {
+            *plane = -known.normal;
+            return known.distance;
         }
         interrupt::checkpoint(256);
         robot.apart_at_least(pair, limit, plane)

@@ -19,8 +19,14 @@ pub const MAX_CORNERS: usize = 64;
 pub const MAX_POINTS: usize = 10_000;
 
 /// Hulls of few points that were made before: an arm is checked, built and read again for every plan and run.
-static MADE: LazyLock<Mutex<HashMap<Vec<[u64; 3]>, Hull>>> = LazyLock::new(Mutex::default);
+static MADE: LazyLock<Mutex<HashMap<Vec<[u64; 3]>, Made>>> = LazyLock::new(Mutex::default);
 const MOST_MADE: usize = 256;
+
+/// A hull, and a capsule around it if that was asked for.
+struct Made {
+    hull: Hull,
+    around: Option<Capsule<3>>,
+}
 
 const _: () = assert!(2 * MAX_CORNERS - 4 <= Facing::BITS as usize);
 
@@ -106,24 +112,41 @@ impl Hull {
     /// # Errors
     /// If they lie in one plane, if it has too many corners, or if there are too many of them.
     pub fn new(points: &[[f64; 3]]) -> Result<Self, HullError> {
+        Self::made(points, |made| made.hull.clone())
+    }
+
+    /// The hull of these points and its [capsule](Self::enclosing).
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn with_capsule(points: &[[f64; 3]]) -> Result<(Self, Capsule<3>), HullError> {
+        Self::made(points, |Made { hull, around }| {
+            (hull.clone(), *around.get_or_insert_with(|| hull.enclosing()))
+        })
+    }
+
+    fn made<T>(
+        points: &[[f64; 3]],
+        take: impl FnOnce(&mut Made) -> T,
+    ) -> Result<T, HullError> {
         if points.len() > MAX_POINTS {
             return Err(HullError::TooMany(points.len()));
         }
+        let new = || Ok(Made { hull: Self::of_points(points)?, around: None });
         if points.len() > MAX_CORNERS {
-            return Self::of_points(points);
+            return Ok(take(&mut new()?));
         }
         let key: Vec<[u64; 3]> = points.iter().map(|p| p.map(f64::to_bits)).collect();
-        let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = made().get(&key) {
-            return Ok(known.clone());
+        let all = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = all().get_mut(&key) {
+            return Ok(take(known));
         }
-        let hull = Self::of_points(points)?;
-        let mut made = made();
-        if made.len() >= MOST_MADE {
-            made.clear();
+        let made = new()?;
+        let mut all = all();
+        if all.len() >= MOST_MADE {
+            all.clear();
         }
-        made.insert(key, hull.clone());
-        Ok(hull)
+        Ok(take(all.entry(key).or_insert(made)))
     }
 
     fn of_points(points: &[[f64; 3]]) -> Result<Self, HullError> {

@@ -12,6 +12,7 @@ use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::Vector;
 use crate::world::{ObstacleBoxes, ObstacleGeometry, World};
+use foldhash::fast::FixedState;
 use std::collections::{HashMap, VecDeque};
 
 /// A part of a motion in which nothing goes farther than this is free for a link if its middle is: a share of its margin, from
@@ -67,7 +68,7 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     /// What kept the last motion from being free that was not: likely to block the next one, too.
     blocker: Option<Two>,
     /// The normals of the planes that told hulls apart last.
-    planes: HashMap<Two, Vector<D>>,
+    planes: HashMap<Two, Vector<D>, FixedState>,
 }
 
 /// Two that must not come too near to each other.
@@ -155,7 +156,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             twists: vec![],
             near: vec![],
             blocker: None,
-            planes: HashMap::new(),
+            planes: HashMap::default(),
         }
     }
 
@@ -349,38 +350,34 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             Two::Own(_) => (self.apart, 0.0, 0.0, true),
         };
         let twist = twists[body.link].beside(from.map(|link| twists[link]));
-        // Along the normal of a plane between them they come no nearer than that (T195), and anyhow no nearer than they go (T119).
-        let change = |plane: &Vector<D>| {
-            let straight = if stands && plane.norm_squared() > 0.0 {
-                half * twist.along(plane, &body.shape) + 0.5 * bend * half * half
-            } else {
-                f64::INFINITY
-            };
-            drift + straight.min(way * half)
-        };
         let plane = planes.entry(two).or_insert_with(Vector::zeros);
-        for asked in [change(plane), drift + way * half] {
-            let limit = keeps + asked + slack;
-            let distance = match two {
-                Two::Obstacle { world, obstacle, .. } => {
-                    interrupt::checkpoint(32);
-                    worlds[world].0.at_least(obstacle, &body, limit, plane)
-                }
-                Two::Own(pair) => OwnPair::at_least(robot, pair, limit, plane),
-            };
-            let (room, change) = (distance - slack - keeps, change(plane));
-            let is_clear = room >= 0.0; // false for NaN
-            if !is_clear {
-                return Look::Blocked;
+        // That they are not too near here is enough where a plane between them is known, which tells more as a rule.
+        let is_known = plane.norm_squared() > 0.0;
+        let limit = keeps + slack + if is_known { 0.0 } else { drift + way * half };
+        let distance = match two {
+            Two::Obstacle { world, obstacle, .. } => {
+                interrupt::checkpoint(32);
+                worlds[world].0.at_least(obstacle, &body, limit, plane)
             }
-            if room >= change || change + RESOLUTION * drift <= finest(keeps) {
-                return Look::Apart;
-            }
-            if change <= asked {
-                break;
-            }
+            Two::Own(pair) => OwnPair::at_least(robot, pair, limit, plane),
+        };
+        let room = distance - slack - keeps;
+        let is_clear = room >= 0.0; // false for NaN
+        if !is_clear {
+            return Look::Blocked;
         }
-        Look::Near
+        // Along the normal of the plane they come no nearer than that (T195), and anyhow no nearer than they go (T119).
+        let straight = if stands && plane.norm_squared() > 0.0 {
+            half * twist.along(plane, &body.shape) + 0.5 * bend * half * half
+        } else {
+            f64::INFINITY
+        };
+        let change = drift + straight.min(way * half);
+        if room >= change || change + RESOLUTION * drift <= finest(keeps) {
+            Look::Apart
+        } else {
+            Look::Near
+        }
     }
 
     /// What blocks a motion where the arm is, in its middle; otherwise all that may be near in it are put into `near`. What blocked the
