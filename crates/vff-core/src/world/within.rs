@@ -54,6 +54,10 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                 return bound;
             }
             if let Some(hull) = &body.hull {
+                // A plane between them tells for less work that it is not nearer.
+                if obstacle.at_least(Some(hull), &probe, bound, &mut Vector::zeros()) >= bound {
+                    return bound;
+                }
                 let pair = Pair { body: 0, link: body.link, obstacle: j };
                 let (state, turn) = (&obstacle.state, obstacle.turn());
                 distance = obstacle.hull_contact(pair, hull, &probe, state, turn).distance;
