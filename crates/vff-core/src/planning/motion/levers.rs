@@ -55,7 +55,7 @@ impl Jointed<3> for SpatialState {
     }
 
     fn joint_axis(&self, i: usize) -> Vector<3> {
-        self.link_axes(i).column(2).into()
+        Self::joint_axis(self, i)
     }
 
     fn slides(&self, i: usize) -> bool {
@@ -184,9 +184,11 @@ mod tests {
     use proptest::prelude::*;
     use std::sync::Arc;
 
-    /// An arm in space with a joint that slides: a Panda on a lift.
+    /// An arm in space with a joint that slides, and joints that turn about any axis of their links: a Panda on a lift, changed.
     fn lifted() -> SpatialState {
         let mut panda = models::named("panda").unwrap();
+        panda.joints[1].axis = [0.0, 1.0, 0.0];
+        panda.joints[3].axis = [-0.6, 0.0, 0.8];
         let mut lift = panda.joints[0].clone();
         lift.kind = JointKind::Prismatic;
         (lift.name, lift.link) = ("lift".into(), "carriage".into());

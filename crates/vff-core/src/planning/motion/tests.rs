@@ -2,6 +2,8 @@
 
 use super::planner::TORQUE;
 use super::*;
+#[cfg(feature = "models")]
+use crate::robot::{SpatialArm, models};
 use crate::scenario::FromDocument;
 use crate::simulation::{Plane, Space};
 use crate::world::World;
@@ -392,8 +394,25 @@ fn certified_motions_of_boards_are_free() {
     );
 }
 
+/// Joints of arms that people have turn about any axis of their links.
+#[cfg(feature = "models")]
+#[test]
+fn certified_motions_about_other_axes_are_free() {
+    let mut panda = models::named("panda").unwrap();
+    panda.joints[1].axis = [0.0, 1.0, 0.0];
+    panda.joints[3].axis = [-0.6, 0.0, 0.8];
+    certified_of(&Arc::new(panda.build().unwrap()), &among_boxes(""), 200);
+}
+
 #[cfg(feature = "models")]
 fn certified(shapes: &str, motions: u32) {
+    let scenario = among_boxes(shapes);
+    let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
+    certified_of(&Arc::new(Space::arm(&scene.arm).unwrap()), &scenario, motions);
+}
+
+#[cfg(feature = "models")]
+fn among_boxes(shapes: &str) -> Scenario {
     let boxes: String = (0..8)
         .map(|k| {
             let angle = 0.8 * f64::from(k);
@@ -403,9 +422,12 @@ fn certified(shapes: &str, motions: u32) {
             )
         })
         .collect();
-    let scenario = panda(&format!("reference = {{ kind = \"setpoint\" }}\n{boxes}\n{shapes}"));
+    panda(&format!("reference = {{ kind = \"setpoint\" }}\n{boxes}\n{shapes}"))
+}
+
+#[cfg(feature = "models")]
+fn certified_of(arm: &Arc<SpatialArm>, scenario: &Scenario, motions: u32) {
     let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
-    let arm = Arc::new(Space::arm(&scene.arm).unwrap());
     let window = Window { start: 0.0, duration: 0.0 };
     let margin = 0.01;
     let world = World::new(scene.obstacles.clone());

@@ -60,6 +60,11 @@ impl SpatialState {
         self.arm.base() + self.joints.get(i).map_or(self.tool.position, |joint| joint.position)
     }
 
+    /// The unit vector along joint `i`, whichever it is in the frame of its link.
+    pub fn joint_axis(&self, i: usize) -> Vector<3> {
+        self.joints[i].rotation.column(2).into()
+    }
+
     /// Whether joint `i` slides.
     pub fn slides(&self, i: usize) -> bool {
         self.arm.fixed[i].slides
