@@ -68,7 +68,7 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     metavar="SECONDS",
     help="Keep places free that are passed so soon [s]; 0: nothing moves; none: leave out what does.",
 )
-@click.option("--samples", type=int, default=20_000, show_default=True, help="When to give up.")
+@click.option("--samples", type=int, default=50_000, show_default=True, help="When to give up.")
 @click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @set_option

@@ -34,7 +34,7 @@ def plan(
     margin: float = 0.02,
     horizon: float | None = 1.0,
     speed: float = 0.5,
-    samples: int = 20_000,
+    samples: int = 50_000,
     paths: int = 4,
     seed: int = 0,
 ) -> Plan:

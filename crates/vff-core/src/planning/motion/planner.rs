@@ -19,6 +19,8 @@ const ROUNDED_APART: f64 = 0.8;
 /// grown.
 const TRIAL: usize = 16;
 const PATIENCE: usize = 50;
+/// How often another path is searched where no smooth motion was found near the last ones.
+const AGAIN: usize = 4;
 /// By how much knots may keep from joint limits so that what is between them does \[rad or m\].
 const INSETS: [f64; 6] = [0.0, 1e-6, 1e-5, 5e-5, 2e-4, 1e-3];
 /// Share of the torque limits that a plan uses: the rest is for reacting.
@@ -163,20 +165,25 @@ where
             })
             .collect();
         let ladder = Margins::ladder(asked, &first, &goals);
+        let last = ladder.len() - 1;
         let mut left = self.settings.samples;
         let mut failed = None;
-        for (k, margins) in ladder.iter().enumerate() {
+        for k in 0..=last + AGAIN {
+            let margins = &ladder[k.min(last)];
             self.space.margins.clone_from(margins);
             self.space.apart = APART;
-            let [samples, patience] = if k + 1 < ladder.len() {
+            let [samples, patience] = if k < last {
                 [self.settings.samples / TRIAL, PATIENCE]
             } else {
                 [left, usize::MAX]
             };
-            left -= samples;
             let found = self.search(&candidates, &ranges, [samples, patience]);
             let margin = margins.far.iter().copied().fold(f64::INFINITY, f64::min);
             let Some(first) = found.iter().find(|found| found.gap == 0.0) else {
+                if k > last {
+                    break;
+                }
+                left -= samples;
                 let found = &found[0];
                 let why = format!(
                     "the search came to {:.3} rad from the goal after {} samples; more samples, another seed or a \
@@ -190,6 +197,9 @@ where
                     nodes: found.nodes,
                     ..nothing(PlanStatus::NotFound, why, found.gap, margin)
                 });
+                if k == last {
+                    break;
+                }
                 continue;
             };
             self.space.margins.share = ROUNDED;
@@ -207,6 +217,12 @@ where
                 nodes: first.nodes,
                 ..nothing(status, why, 0.0, margin)
             });
+            let drawn: usize = found.iter().map(|found| found.samples).sum();
+            left = left.saturating_sub(if k < last { samples } else { drawn });
+            // The straight way would be found again.
+            if k >= last && (drawn == 0 || left == 0) {
+                break;
+            }
         }
         Ok(failed.expect("there is a margin to try"))
     }

@@ -11,6 +11,10 @@ use crate::world::ObstacleGeometry;
 const STEP: f64 = 0.8;
 /// How often an edge that is blocked is tried at half its length.
 const HALVINGS: usize = 3;
+/// Where fewer than one of so many draws makes a tree grow, every other one is made about its nodes; after so many.
+const NARROW: usize = 50;
+/// How far from a node these are: between the longest edge and that much less, as e to this power.
+const FINER: f64 = 3.0;
 /// The most configurations of both trees: what is not found with so many is given up.
 const MAX_NODES: usize = 1 << 20;
 /// Two configurations nearer than this are one \[rad, m\].
@@ -130,6 +134,16 @@ pub struct Found {
     pub nodes: usize,
 }
 
+/// Draws a configuration near `node`, any direction and any order of magnitude of the distance as likely.
+fn draw_about(node: &[f64], ranges: &[[f64; 2]], noise: &mut Noise, drawn: &mut [f64]) {
+    drawn.fill_with(|| noise.draw());
+    let length = drawn.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let size = STEP * (-FINER * noise.share()).exp() / length;
+    for ((to, from), [lower, upper]) in drawn.iter_mut().zip(node).zip(ranges) {
+        *to = (from + *to * size).clamp(*lower, *upper);
+    }
+}
+
 /// Searches a path from `start` to one of `goals`, all of which are free, with up to `samples` random configurations
 /// within `ranges`; given up where a tree has not grown after `patience` of them.
 pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
@@ -154,6 +168,8 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
     };
     let mut nearest = (0, apart(&trees, 0));
     let mut drawn = vec![0.0; start.len()];
+    // How many were drawn from the whole range, and how many of these made a tree grow.
+    let (mut wide, mut grown) = (0, 0);
     for k in 0..samples {
         let [of_start, of_goals] = trees.each_ref().map(|tree| tree.nodes.len());
         let is_trapped = of_start == 1 || of_goals == goals.len();
@@ -168,9 +184,16 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         let first = of_start <= of_goals;
         let (one, other) = if first { (one, other) } else { (other, one) };
         let node = one.nearest(&drawn);
+        // In a narrow place hardly any straight way leads out: the node that reaches out most towards the draw looks about.
+        let is_about = k % 2 == 1 && wide >= NARROW && grown * NARROW < wide;
+        if is_about {
+            draw_about(&one.nodes[node], ranges, noise, &mut drawn);
+        }
+        wide += usize::from(!is_about);
         let (Step::Nearer(new) | Step::Reached(new)) = one.grow(space, node, &drawn) else {
             continue;
         };
+        grown += usize::from(!is_about);
         let target = one.nodes[new].clone();
         let (met, reached) = other.connect(space, &target);
         let [a, b] = if first { [new, met] } else { [met, new] };
