@@ -233,7 +233,7 @@ def test_what_is_in_the_way_is_named() -> None:
     hand = {**vff.Scenario.load("panda-sweep").to_dict(), "obstacles": []}
     hand["controller"]["self_collision"] = "avoid"
     own = vff.plan(hand, folded)
-    assert own.status == "goal blocked" and "`panda_" in own.message and "have to be kept" in own.message
+    assert own.status == "goal blocked" and "`panda_" in own.message and " mm inside `" in own.message
     passed = vff.plan("panda-shelf")
     assert "obstacle 4 passes within the horizon of 1 s" in passed.message
     assert "horizon" in passed.message and vff.plan("panda-shelf", horizon=0.0).message.startswith(

@@ -125,10 +125,7 @@ impl Hull {
         })
     }
 
-    fn made<T>(
-        points: &[[f64; 3]],
-        take: impl FnOnce(&mut Made) -> T,
-    ) -> Result<T, HullError> {
+    fn made<T>(points: &[[f64; 3]], take: impl FnOnce(&mut Made) -> T) -> Result<T, HullError> {
         if points.len() > MAX_POINTS {
             return Err(HullError::TooMany(points.len()));
         }

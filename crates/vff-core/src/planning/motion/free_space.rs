@@ -5,7 +5,7 @@
 //! is less, the whole half is free; otherwise it is halved again (T119). What is kept may depend on where the arm is (T150).
 
 use super::levers::{Jointed, Levers, Twist};
-use super::margins::Margins;
+use super::margins::{APART, Margins};
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
@@ -22,8 +22,6 @@ const FINEST: f64 = 2e-5;
 const COARSEST: f64 = 5e-3;
 /// A motion that needs shorter parts than this share of it counts as blocked.
 const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
-/// What bodies of the arm keep from each other \[m\].
-pub const APART: f64 = 2e-3;
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
 /// The most of these places.
@@ -51,10 +49,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     reach: Levers,
     /// Whether bodies of the arm must not touch each other.
     keeps_apart: bool,
-    /// What every link keeps from everything.
+    /// What every link keeps from everything, and bodies of the arm from each other.
     pub margins: Margins,
-    /// What bodies of the arm keep from each other \[m\].
-    pub apart: f64,
     /// From where on it does not matter how far a link is \[m\].
     limits: Vec<f64>,
     /// Signed distance of each link from what is nearest \[m\], ∞ from its limit on.
@@ -63,6 +59,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     middle: Vec<f64>,
     /// How the links move there.
     twists: Vec<Twist>,
+    /// How far any point of it goes at most in the motion that is certified \[m\].
+    farthest_way: f64,
     /// What may be near in the parts of a motion that is certified.
     near: Vec<Near>,
     /// What kept the last motion from being free that was not: likely to block the next one, too.
@@ -147,13 +145,13 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             numbers: [numbers.0, numbers.1],
             slack: 0.5 * stride * speed,
             keeps_apart,
-            margins: Margins::constant(vec![margin; n]),
-            apart: APART,
+            margins: Margins::constant(vec![margin; n], APART),
             limits: vec![f64::INFINITY; n],
             clearance: vec![f64::INFINITY; n],
             bodies: vec![],
             middle: vec![0.0; n],
             twists: vec![],
+            farthest_way: 0.0,
             near: vec![],
             blocker: None,
             planes: HashMap::default(),
@@ -184,9 +182,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// How far the arm at `q` is from everything outside, and from itself where it must not touch that \[m\].
     #[cfg(test)]
     pub fn distances(&mut self, q: &[f64]) -> [f64; 2] {
-        let clearance = self.clearance(q);
-        let own = self.nearest_of_its_own(f64::INFINITY).filter(|_| self.keeps_apart);
-        [clearance, own.map_or(f64::INFINITY, |own| own.0)]
+        [self.clearance(q), self.own_room(q, f64::INFINITY)]
     }
 
     /// How far the arm at `q` is from everything outside \[m\].
@@ -223,6 +219,18 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         self.is_free_between(q, q)
     }
 
+    /// What bodies of the arm at `q` keep from each other \[m\].
+    pub fn apart_at(&self, q: &[f64]) -> f64 {
+        self.margins.apart_at(q, &self.reach)
+    }
+
+    /// How far the arm at `q` is from itself where it must not touch that \[m\], if that is less than `limit`; otherwise ∞.
+    pub fn own_room(&mut self, q: &[f64], limit: f64) -> f64 {
+        self.robot.update_positions(q);
+        let own = self.nearest_of_its_own(limit).filter(|_| self.keeps_apart);
+        own.map_or(f64::INFINITY, |own| own.0)
+    }
+
     /// What keeps the arm at `q` from being free: the obstacle that is deepest in it, or the pair of its own bodies that is.
     pub fn obstruction(&mut self, q: &[f64]) -> Option<Obstruction> {
         let Self { robot, worlds, slack, numbers, .. } = self;
@@ -253,7 +261,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         }
         let (distance, links) = self.nearest_of_its_own(f64::INFINITY)?;
         let links = links.map(|link| self.robot.link_name(link));
-        Some(Obstruction::Own { links, distance, apart: self.apart })
+        Some(Obstruction::Own { links, distance })
     }
 
     /// The two bodies of the arm that are nearest to each other where they must not touch, and their distance \[m\], if that is
@@ -296,6 +304,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// workspace.
     fn blocker_of(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         self.move_to(ends, 0.5);
+        self.farthest_way = self.reach.farthest_way(ends);
         if let Some(blocked) = self.first_look(ends, near) {
             return Some(blocked);
         }
@@ -347,7 +356,10 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
                 let moves = world > 0;
                 (margin, margins.slope() * way * half, if moves { *slack } else { 0.0 }, !moves)
             }
-            Two::Own(_) => (self.apart, 0.0, 0.0, true),
+            Two::Own(_) => {
+                let drift = margins.apart_slope() * self.farthest_way * half;
+                (margins.apart_at(middle, reach), drift, 0.0, true)
+            }
         };
         let twist = twists[body.link].beside(from.map(|link| twists[link]));
         let plane = planes.entry(two).or_insert_with(Vector::zeros);

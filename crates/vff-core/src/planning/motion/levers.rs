@@ -162,6 +162,11 @@ impl Levers {
         (first..=link).map(|i| (b[i] - a[i]).abs() * self.lever[i * self.n + link]).sum()
     }
 
+    /// The largest [`way`](Self::way) of a link as seen by the base.
+    pub fn farthest_way(&self, ends: [&[f64]; 2]) -> f64 {
+        (0..self.n).map(|link| self.way(ends, None, link)).fold(0.0, f64::max)
+    }
+
     /// How much `link` is accelerated at most as seen by `from` while the joints go evenly from `a` to `b` in unit time
     /// \[m\]: of two joints, the one before turns what the one behind moves (T195).
     pub fn bend(&self, [a, b]: [&[f64]; 2], from: Option<usize>, link: usize) -> f64 {

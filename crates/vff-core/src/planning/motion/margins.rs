@@ -1,5 +1,5 @@
-//! What each link keeps from everything, depending on where the arm is: less near the ends of a motion, as much as those
-//! need (T150).
+//! What each link keeps from everything, and bodies of the arm from each other, depending on where the arm is: less near the ends of
+//! a motion, as much as those need (T150).
 
 use super::levers::Levers;
 
@@ -10,35 +10,42 @@ const SLOPES: [f64; 2] = [0.2, 0.05];
 /// What is kept of the room at an end.
 pub const SHARE: f64 = 0.9;
 
-/// An end of a motion: the configuration, and what each link keeps there \[m\].
+/// What bodies of the arm keep from each other \[m\].
+pub const APART: f64 = 2e-3;
+
+/// An end of a motion: the configuration, and what is kept there \[m\].
 #[derive(Debug, Clone, PartialEq)]
 pub struct End {
     q: Vec<f64>,
     kept: Vec<f64>,
+    apart: f64,
 }
 
 impl End {
-    /// Of a configuration and the distance of each link from everything \[m\].
-    pub fn new(q: &[f64], room: &[f64]) -> Self {
-        Self { q: q.to_vec(), kept: room.iter().map(|room| SHARE * room).collect() }
+    /// Of a configuration, the distance of each link from everything and the least of bodies of the arm \[m\].
+    pub fn new(q: &[f64], room: &[f64], apart: f64) -> Self {
+        let kept = room.iter().map(|room| SHARE * room).collect();
+        Self { q: q.to_vec(), kept, apart: SHARE * apart }
     }
 }
 
-/// What each link keeps from everything.
+/// What each link keeps from everything, and bodies of the arm from each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Margins {
-    /// Far from all ends \[m\].
+    /// By each link, far from all ends \[m\].
     pub far: Vec<f64>,
+    /// By bodies of the arm, far from all ends \[m\].
+    apart: f64,
     ends: Vec<End>,
     slope: f64,
-    /// Of all that, so much.
-    pub share: f64,
+    /// Of what links keep, and of what bodies of the arm do, so much.
+    pub shares: [f64; 2],
 }
 
 impl Margins {
     /// The same everywhere.
-    pub fn constant(far: Vec<f64>) -> Self {
-        Self { far, ends: vec![], slope: 0.0, share: 1.0 }
+    pub fn constant(far: Vec<f64>, apart: f64) -> Self {
+        Self { far, apart, ends: vec![], slope: 0.0, shares: [1.0; 2] }
     }
 
     /// For motions from `start` to one of `goals`, from which a path may be hard to find: the first are to be tried first.
@@ -53,15 +60,17 @@ impl Margins {
         let shoulders = links.map(|i| if always(i) { least[i] } else { asked }).collect();
         let ends = || -> Vec<End> {
             let all = std::iter::once(start).chain(goals);
-            all.filter(|end| end.kept.iter().any(|kept| *kept < asked)).cloned().collect()
+            let has_less =
+                |end: &&End| end.apart < APART || end.kept.iter().any(|kept| *kept < asked);
+            all.filter(has_less).cloned().collect()
         };
         let mut steps: Vec<Self> = vec![];
         let (all, [steep, slow]) = (vec![asked; least.len()], SLOPES);
         if ends().is_empty() {
-            return vec![Self::constant(all)];
+            return vec![Self::constant(all, APART)];
         }
         for (far, slope) in [(all.clone(), steep), (all, slow), (shoulders, slow), (least, slow)] {
-            let step = Self { far, ends: ends(), slope, share: 1.0 };
+            let step = Self { ends: ends(), slope, ..Self::constant(far, APART) };
             if steps.last() != Some(&step) {
                 steps.push(step);
             }
@@ -72,12 +81,25 @@ impl Margins {
     /// What `link` keeps at `q` \[m\].
     pub fn at(&self, q: &[f64], reach: &Levers, link: usize) -> f64 {
         let near = |end: &End| end.kept[link] + self.slope * reach.way([&end.q, q], None, link);
-        self.share * self.ends.iter().map(near).fold(self.far[link], f64::min)
+        self.shares[0] * self.ends.iter().map(near).fold(self.far[link], f64::min)
     }
 
     /// By how much that changes at most where `link` goes so far \[m\].
     pub fn slope(&self) -> f64 {
-        if self.ends.is_empty() { 0.0 } else { self.share * self.slope }
+        if self.ends.is_empty() { 0.0 } else { self.shares[0] * self.slope }
+    }
+
+    /// What bodies of the arm keep from each other at `q` \[m\].
+    pub fn apart_at(&self, q: &[f64], reach: &Levers) -> f64 {
+        let near = |end: &End| end.apart + self.slope * reach.farthest_way([&end.q, q]);
+        let lower = self.ends.iter().filter(|end| end.apart < self.apart);
+        self.shares[1] * lower.map(near).fold(self.apart, f64::min)
+    }
+
+    /// By how much that changes at most where links go so far \[m\].
+    pub fn apart_slope(&self) -> f64 {
+        let is_lower = self.ends.iter().any(|end| end.apart < self.apart);
+        if is_lower { self.shares[1] * self.slope } else { 0.0 }
     }
 
     /// The least that a link keeps at the end `q` \[m\], where that is less than elsewhere.
@@ -85,5 +107,11 @@ impl Margins {
         let end = self.ends.iter().find(|end| end.q == q)?;
         let lower = end.kept.iter().zip(&self.far).filter(|(kept, far)| kept < far);
         lower.map(|(kept, _)| *kept).min_by(f64::total_cmp)
+    }
+
+    /// What bodies of the arm keep from each other at the end `q` \[m\], where that is less than elsewhere.
+    pub fn apart_lowered_at(&self, q: &[f64]) -> Option<f64> {
+        let end = self.ends.iter().find(|end| end.q == q)?;
+        (end.apart < self.apart).then_some(end.apart)
     }
 }

@@ -13,8 +13,7 @@ const SAME: f64 = 0.1;
 /// Shortcuts that are tried on each path.
 const SHORTCUTS: usize = 200;
 /// What is kept of the margin of the path where corners are rounded, and of what bodies of the arm keep from each other.
-const ROUNDED: f64 = 0.5;
-const ROUNDED_APART: f64 = 0.8;
+const ROUNDED: [f64; 2] = [0.5, 0.8];
 /// Of the samples, a search that a lower margin may follow gets one in so many; and after so many both trees have to have
 /// grown.
 const TRIAL: usize = 16;
@@ -118,13 +117,15 @@ where
             nodes: 0,
         };
         let asked = self.settings.margin;
-        self.keep(asked.min(SHARE * at_start));
-        if at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start) {
+        let own_at_start = self.space.own_room(&start, APART / SHARE);
+        self.keep(asked.min(SHARE * at_start), own_at_start);
+        if at_start <= 0.0 || own_at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start)
+        {
             let (why, clearance) = self.blocked(&start, &limits, "start");
             let blocked = nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
-        let first = End::new(&start, &room);
+        let first = End::new(&start, &room, own_at_start);
         let candidates = match goal {
             Goal::Configuration(q) if !inside(q) => {
                 let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
@@ -146,14 +147,21 @@ where
         let most = room.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let best = (0..room.len()).max_by(|a, b| room[*a].total_cmp(&room[*b])).unwrap_or(0);
         let roomiest = candidates[best].clone();
-        self.keep(asked.min(SHARE * at_start).min(SHARE * most));
-        candidates.retain(|q| most > 0.0 && self.space.is_free(q));
+        let own: Vec<f64> =
+            candidates.iter().map(|q| self.space.own_room(q, APART / SHARE)).collect();
+        let own = own.into_iter().fold(f64::NEG_INFINITY, f64::max).min(own_at_start);
+        self.keep(asked.min(SHARE * at_start).min(SHARE * most), own);
+        candidates.retain(|q| most > 0.0 && own > 0.0 && self.space.is_free(q));
         if candidates.is_empty() {
             let (why, clearance) = self.blocked(&roomiest, &limits, "goal");
             let blocked = nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
-        let goals: Vec<End> = candidates.iter().map(|q| End::new(q, self.space.room(q))).collect();
+        let mut end = |q: &Vec<f64>| {
+            let apart = self.space.own_room(q, APART / SHARE);
+            End::new(q, self.space.room(q), apart)
+        };
+        let goals: Vec<End> = candidates.iter().map(&mut end).collect();
         let ranges: Vec<[f64; 2]> = (0..start.len())
             .map(|i| match ranges_of(&limits, i) {
                 [lower, upper] if (upper - lower).is_finite() => {
@@ -171,7 +179,6 @@ where
         for k in 0..=last + AGAIN {
             let margins = &ladder[k.min(last)];
             self.space.margins.clone_from(margins);
-            self.space.apart = APART;
             let [samples, patience] = if k < last {
                 [self.settings.samples / TRIAL, PATIENCE]
             } else {
@@ -202,8 +209,7 @@ where
                 }
                 continue;
             };
-            self.space.margins.share = ROUNDED;
-            self.space.apart = ROUNDED_APART * APART;
+            self.space.margins.shares = ROUNDED;
             let (mut status, mut why) = (PlanStatus::NotFound, String::new());
             for found in &found {
                 match self.timed(&found.path, &limits)? {
@@ -227,9 +233,10 @@ where
         Ok(failed.expect("there is a margin to try"))
     }
 
-    /// Keeps the same margin \[m\] everywhere.
-    fn keep(&mut self, margin: f64) {
-        self.space.margins = Margins::constant(vec![margin; self.start.len()]);
+    /// Keeps the same margin everywhere, with bodies of the arm that are so far `apart` \[m\].
+    fn keep(&mut self, margin: f64, apart: f64) {
+        let apart = APART.min(SHARE * apart).max(0.0);
+        self.space.margins = Margins::constant(vec![margin; self.start.len()], apart);
     }
 
     /// Several paths to `goals`, shortened, the shortest first; or, if the first search finds none, how far it came.
@@ -433,7 +440,6 @@ where
         let mut states = [[0; 3].map(|_| vec![0.0; n]), [0; 3].map(|_| vec![0.0; n])];
         let mut middle = [0; 3].map(|_| vec![0.0; n]);
         let margins = self.space.margins.clone();
-        let apart = self.space.apart;
         let mut pieces: Vec<Vec<f64>> = vec![];
         let times = spline.times().to_vec();
         spline.at(times[0], states[1].each_mut().map(Vec::as_mut_slice));
@@ -462,12 +468,12 @@ where
                     .map(|(m, bulge)| (certain(*m) - bulge).max(0.0))
                     .collect(),
             );
-            self.space.margins = Margins::constant(asked);
-            self.space.apart = apart + bulges.iter().copied().fold(0.0, f64::max);
+            let [at_a, at_b] = [a, b].map(|q| self.space.apart_at(q));
+            let bulge = bulges.iter().copied().fold(0.0, f64::max);
+            self.space.margins = Margins::constant(asked, at_a.min(at_b) + bulge);
             let is_free = self.space.is_free_between(a, &middle[0])
                 && self.space.is_free_between(&middle[0], b);
             self.space.margins.clone_from(&margins);
-            self.space.apart = apart;
             if !is_free {
                 return None;
             }
@@ -560,10 +566,22 @@ where
             let (name, kept) = (self.space.robot().link_name(Some(link)), asked.far[link]);
             told.push(format!("{:.1} mm by {name} all the way", 1e3 * kept));
         }
-        if told.is_empty() {
-            return String::new();
+        let mut sentence = String::new();
+        if !told.is_empty() {
+            let told = told.join(", ");
+            let _ =
+                write!(sentence, "; less than the margin of {:.1} mm is kept: {told}", 1e3 * most);
         }
-        let told = told.join(", ");
-        format!("; less than the margin of {:.1} mm is kept: {told}", 1e3 * most)
+        for (place, q) in ends {
+            if let Some(kept) = asked.apart_lowered_at(q) {
+                let _ = write!(
+                    sentence,
+                    "; bodies of the arm keep {:.2} mm from each other at the {place}, elsewhere {:.0} mm",
+                    1e3 * kept,
+                    1e3 * APART,
+                );
+            }
+        }
+        sentence
     }
 }

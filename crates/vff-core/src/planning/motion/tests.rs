@@ -346,6 +346,38 @@ fn a_motion_through_itself_is_told() {
     assert!(blocked.message.contains(a) && blocked.message.contains(b), "{}", blocked.message);
 }
 
+/// A goal at which bodies of the arm are nearer to each other than they have to be is reached; they keep as much as they have there,
+/// and what they have to away from it.
+#[cfg(feature = "models")]
+#[test]
+fn bodies_of_the_arm_keep_less_near_an_end_that_has_less() {
+    let scenario =
+        panda("reference = { kind = \"setpoint\" }\ncontroller.self_collision = \"avoid\"");
+    let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
+    let arm = Arc::new(Space::arm(&scene.arm).unwrap());
+    let world = World::new(vec![]);
+    let mut space = FreeSpace::<_, SpatialGeometry, 3>::new(arm.state(), &world, None, true, 0.0);
+    let folded = |angle: f64| vec![0.4, -0.5, 0.0, -2.3, 0.0, angle, 0.8];
+    let (mut near, mut apart) = (0.3, 1.5);
+    for _ in 0..60 {
+        let middle = 0.5 * (near + apart);
+        let is_near = space.own_room(&folded(middle), 1.0) < 1e-3;
+        *if is_near { &mut near } else { &mut apart } = middle;
+    }
+    let goal = Some(folded(apart));
+    let plan = found(&scenario, &PlanSettings { goal, ..PlanSettings::default() });
+    let said = "; bodies of the arm keep 0.90 mm from each other at the goal, elsewhere 2 mm";
+    assert!(plan.message.ends_with(said), "{}", plan.message);
+    let end = plan.times[plan.times.len() - 1];
+    along(&plan, |t, [q, ..]| {
+        let own = space.own_room(q, 1.0);
+        assert!(
+            own > if t < 0.5 * end { 1.6e-3 - 1e-4 } else { 0.8 * 0.9e-3 - 1e-4 },
+            "{own} at {t}"
+        );
+    });
+}
+
 /// A joint that cannot hold its links is named, with what it may hold.
 #[cfg(feature = "models")]
 #[test]

@@ -8,8 +8,8 @@ use crate::robot::Limits;
 pub enum Obstruction {
     /// A link and an obstacle, by its number; one that passes by within the horizon only, or one that is there.
     Obstacle { link: String, obstacle: usize, distance: f64, passes: bool },
-    /// Two bodies of the arm, which have to keep so much from each other \[m\].
-    Own { links: [String; 2], distance: f64, apart: f64 },
+    /// Two bodies of the arm.
+    Own { links: [String; 2], distance: f64 },
 }
 
 /// A length for people.
@@ -37,16 +37,10 @@ impl Obstruction {
                 horizon.unwrap_or(0.0),
                 mm(-distance),
             ),
-            Self::Own { links: [a, b], distance, apart } if *distance < 0.0 => format!(
-                "at the {place} {a} is {} inside {b}, where {} have to be kept; another {place} helps, or shapes nearer to the \
-                 links (`collision = \"file\"`), or to `ignore` the pair where these always overlap",
+            Self::Own { links: [a, b], distance } => format!(
+                "at the {place} {a} is {} inside {b}; another {place} helps, or shapes nearer to the links \
+                 (`collision = \"file\"`), or to `ignore` the pair where these always overlap",
                 mm(-distance),
-                mm(*apart),
-            ),
-            Self::Own { links: [a, b], distance, apart } => format!(
-                "at the {place} {a} is {} from {b}, where {} have to be kept; another {place} helps",
-                mm(*distance),
-                mm(*apart),
             ),
         }
     }
