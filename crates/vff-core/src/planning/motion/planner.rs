@@ -147,11 +147,12 @@ where
         let most = room.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let best = (0..room.len()).max_by(|a, b| room[*a].total_cmp(&room[*b])).unwrap_or(0);
         let roomiest = candidates[best].clone();
-        let own: Vec<f64> =
-            candidates.iter().map(|q| self.space.own_room(q, APART / SHARE)).collect();
-        let own = own.into_iter().fold(f64::NEG_INFINITY, f64::max).min(own_at_start);
-        self.keep(asked.min(SHARE * at_start).min(SHARE * most), own);
-        candidates.retain(|q| most > 0.0 && own > 0.0 && self.space.is_free(q));
+        let margin = asked.min(SHARE * at_start).min(SHARE * most);
+        candidates.retain(|q| {
+            let own = self.space.own_room(q, APART / SHARE);
+            self.keep(margin, own.min(own_at_start));
+            most > 0.0 && own > 0.0 && self.space.is_free(q)
+        });
         if candidates.is_empty() {
             let (why, clearance) = self.blocked(&roomiest, &limits, "goal");
             let blocked = nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0);

@@ -40,7 +40,7 @@ impl Obstruction {
             Self::Own { links: [a, b], distance } => format!(
                 "at the {place} {a} is {} inside {b}; another {place} helps, or shapes nearer to the links \
                  (`collision = \"file\"`), or to `ignore` the pair where these always overlap",
-                mm(-distance),
+                mm((-distance).max(0.0)),
             ),
         }
     }
