@@ -49,21 +49,23 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             let bound = least.min(limit);
             let obstacle = &mut world.obstacles[j];
             obstacle.move_to(world.time);
-            let mut distance = obstacle.distance_below(&probe, bound);
+            let distance = match &body.hull {
+                None => obstacle.distance_below(&probe, bound),
+                // A plane between them tells for less work that it is not nearer.
+                Some(hull)
+                    if obstacle.at_least(Some(hull), &probe, bound, &mut Vector::zeros())
+                        >= bound =>
+                {
+                    return bound;
+                }
+                Some(hull) => {
+                    let pair = Pair { body: 0, link: body.link, obstacle: j };
+                    let (state, turn) = (&obstacle.state, obstacle.turn());
+                    obstacle.hull_contact(pair, hull, &probe, state, turn).distance
+                }
+            };
             if distance >= bound {
                 return bound;
-            }
-            if let Some(hull) = &body.hull {
-                // A plane between them tells for less work that it is not nearer.
-                if obstacle.at_least(Some(hull), &probe, bound, &mut Vector::zeros()) >= bound {
-                    return bound;
-                }
-                let pair = Pair { body: 0, link: body.link, obstacle: j };
-                let (state, turn) = (&obstacle.state, obstacle.turn());
-                distance = obstacle.hull_contact(pair, hull, &probe, state, turn).distance;
-                if distance >= bound {
-                    return bound;
-                }
             }
             least = distance;
             if least.is_nan() { f64::NEG_INFINITY } else { least.min(limit) }

@@ -59,8 +59,6 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     middle: Vec<f64>,
     /// How the links move there.
     twists: Vec<Twist>,
-    /// How far any point of it goes at most in the motion that is certified \[m\].
-    farthest_way: f64,
     /// What may be near in the parts of a motion that is certified.
     near: Vec<Near>,
     /// What kept the last motion from being free that was not: likely to block the next one, too.
@@ -89,6 +87,8 @@ struct Near {
     /// time.
     way: f64,
     bend: f64,
+    /// By how much what they have to keep changes at most in the whole motion \[m\].
+    drift: f64,
 }
 
 /// The two ends of a motion that is certified.
@@ -151,7 +151,6 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             bodies: vec![],
             middle: vec![0.0; n],
             twists: vec![],
-            farthest_way: 0.0,
             near: vec![],
             blocker: None,
             planes: HashMap::default(),
@@ -304,7 +303,6 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// workspace.
     fn blocker_of(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         self.move_to(ends, 0.5);
-        self.farthest_way = self.reach.farthest_way(ends);
         if let Some(blocked) = self.first_look(ends, near) {
             return Some(blocked);
         }
@@ -346,20 +344,17 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
     fn look(&mut self, near: Near, half: f64) -> Look {
-        let Near { two, body, from, way, bend } = near;
+        let Near { two, body, from, way, bend, drift } = near;
         let Self { robot, worlds, slack, margins, reach, middle, planes, twists, .. } = self;
         let body = robot.body(body);
-        // What a link keeps from obstacles changes, too, while it goes.
-        let (keeps, drift, slack, stands) = match two {
+        let drift = drift * half;
+        let (keeps, slack, stands) = match two {
             Two::Obstacle { world, .. } => {
-                let margin = margins.at(middle, reach, body.link);
                 let moves = world > 0;
-                (margin, margins.slope() * way * half, if moves { *slack } else { 0.0 }, !moves)
+                let slack = if moves { *slack } else { 0.0 };
+                (margins.at(middle, reach, body.link), slack, !moves)
             }
-            Two::Own(_) => {
-                let drift = margins.apart_slope() * self.farthest_way * half;
-                (margins.apart_at(middle, reach), drift, 0.0, true)
-            }
+            Two::Own(_) => (margins.apart_at(middle, reach), 0.0, true),
         };
         let twist = twists[body.link].beside(from.map(|link| twists[link]));
         let plane = planes.entry(two).or_insert_with(Vector::zeros);
@@ -445,7 +440,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         };
         let to = link(body).unwrap_or(0);
         let (way, bend) = (self.reach.way(ends, from, to), self.reach.bend(ends, from, to));
-        Near { two, body, from, way, bend }
+        let drift = match two {
+            Two::Obstacle { .. } => self.margins.slope() * way,
+            Two::Own(_) => self.margins.apart_change(ends, &self.reach),
+        };
+        Near { two, body, from, way, bend, drift }
     }
 }
 

@@ -16,16 +16,25 @@ pub const APART: f64 = 2e-3;
 /// An end of a motion: the configuration, and what is kept there \[m\].
 #[derive(Debug, Clone, PartialEq)]
 pub struct End {
-    q: Vec<f64>,
+    pub q: Vec<f64>,
+    /// How far the arm is from everything outside.
+    pub clearance: f64,
     kept: Vec<f64>,
-    apart: f64,
+    /// What bodies of the arm keep from each other; 0 or less where they touch.
+    pub apart: f64,
 }
 
 impl End {
     /// Of a configuration, the distance of each link from everything and the least of bodies of the arm \[m\].
     pub fn new(q: &[f64], room: &[f64], apart: f64) -> Self {
+        let clearance = room.iter().copied().fold(f64::INFINITY, f64::min);
         let kept = room.iter().map(|room| SHARE * room).collect();
-        Self { q: q.to_vec(), kept, apart: SHARE * apart }
+        Self { q: q.to_vec(), clearance, kept, apart: SHARE * apart }
+    }
+
+    /// What all links keep.
+    pub fn least(&self) -> f64 {
+        SHARE * self.clearance
     }
 }
 
@@ -96,10 +105,10 @@ impl Margins {
         self.shares[1] * lower.map(near).fold(self.apart, f64::min)
     }
 
-    /// By how much that changes at most where links go so far \[m\].
-    pub fn apart_slope(&self) -> f64 {
+    /// By how much that changes at most while the joints go from one of two `ends` to the other \[m\].
+    pub fn apart_change(&self, ends: [&[f64]; 2], reach: &Levers) -> f64 {
         let is_lower = self.ends.iter().any(|end| end.apart < self.apart);
-        if is_lower { self.shares[1] * self.slope } else { 0.0 }
+        if is_lower { self.shares[1] * self.slope * reach.farthest_way(ends) } else { 0.0 }
     }
 
     /// The least that a link keeps at the end `q` \[m\], where that is less than elsewhere.

@@ -100,8 +100,7 @@ where
                 lower <= *q && *q <= upper
             })
         };
-        let room: Vec<f64> = self.space.room(&start).to_vec();
-        let at_start = room.iter().copied().fold(f64::INFINITY, f64::min);
+        let first = self.end(&start);
         let nothing = |status, message, gap, margin| Plan {
             status,
             message,
@@ -109,7 +108,7 @@ where
             q: start.clone(),
             dq: vec![],
             ddq: vec![],
-            clearance: at_start,
+            clearance: first.clearance,
             margin,
             margins: vec![],
             gap,
@@ -117,15 +116,13 @@ where
             nodes: 0,
         };
         let asked = self.settings.margin;
-        let own_at_start = self.space.own_room(&start, APART / SHARE);
-        self.keep(asked.min(SHARE * at_start), own_at_start);
-        if at_start <= 0.0 || own_at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start)
-        {
+        self.keep(asked.min(first.least()), first.apart);
+        let has_room = first.clearance > 0.0 && first.apart > 0.0;
+        if !has_room || !inside(&start) || !self.space.is_free(&start) {
             let (why, clearance) = self.blocked(&start, &limits, "start");
             let blocked = nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
-        let first = End::new(&start, &room, own_at_start);
         let candidates = match goal {
             Goal::Configuration(q) if !inside(q) => {
                 let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
@@ -137,32 +134,26 @@ where
                 (gap, format!("{why} {gap:.3} m; a goal nearer to the arm, or without an orientation, helps"))
             }),
         };
-        let mut candidates = match candidates {
+        let candidates = match candidates {
             Ok(candidates) => candidates,
             Err((gap, why)) => {
                 return Ok(nothing(PlanStatus::GoalOutOfReach, why, gap, asked));
             }
         };
-        let room: Vec<f64> = candidates.iter().map(|q| self.space.clearance(q)).collect();
-        let most = room.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let best = (0..room.len()).max_by(|a, b| room[*a].total_cmp(&room[*b])).unwrap_or(0);
-        let roomiest = candidates[best].clone();
-        let margin = asked.min(SHARE * at_start).min(SHARE * most);
-        candidates.retain(|q| {
-            let own = self.space.own_room(q, APART / SHARE);
-            self.keep(margin, own.min(own_at_start));
-            most > 0.0 && own > 0.0 && self.space.is_free(q)
+        let mut goals: Vec<End> = candidates.iter().map(|q| self.end(q)).collect();
+        let roomiest = goals.iter().max_by(|a, b| a.clearance.total_cmp(&b.clearance));
+        let roomiest = roomiest.expect("there is a candidate").clone();
+        let margin = asked.min(first.least()).min(roomiest.least());
+        goals.retain(|goal| {
+            self.keep(margin, goal.apart.min(first.apart));
+            roomiest.clearance > 0.0 && goal.apart > 0.0 && self.space.is_free(&goal.q)
         });
-        if candidates.is_empty() {
-            let (why, clearance) = self.blocked(&roomiest, &limits, "goal");
+        if goals.is_empty() {
+            let (why, clearance) = self.blocked(&roomiest.q, &limits, "goal");
             let blocked = nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
-        let mut end = |q: &Vec<f64>| {
-            let apart = self.space.own_room(q, APART / SHARE);
-            End::new(q, self.space.room(q), apart)
-        };
-        let goals: Vec<End> = candidates.iter().map(&mut end).collect();
+        let roots: Vec<Vec<f64>> = goals.iter().map(|goal| goal.q.clone()).collect();
         let ranges: Vec<[f64; 2]> = (0..start.len())
             .map(|i| match ranges_of(&limits, i) {
                 [lower, upper] if (upper - lower).is_finite() => {
@@ -178,20 +169,26 @@ where
         let mut left = self.settings.samples;
         let mut failed = None;
         for k in 0..=last + AGAIN {
+            if k > last && left == 0 {
+                break;
+            }
             let margins = &ladder[k.min(last)];
             self.space.margins.clone_from(margins);
-            let [samples, patience] = if k < last {
+            let is_trial = k < last;
+            let [samples, patience] = if is_trial {
                 [self.settings.samples / TRIAL, PATIENCE]
             } else {
                 [left, usize::MAX]
             };
-            let found = self.search(&candidates, &ranges, [samples, patience]);
+            let found = self.search(&roots, &ranges, [samples, patience]);
+            let first = found.iter().find(|found| found.gap == 0.0);
+            let drawn: usize = found.iter().map(|found| found.samples).sum();
+            left = left.saturating_sub(if is_trial { samples } else { drawn });
             let margin = margins.far.iter().copied().fold(f64::INFINITY, f64::min);
-            let Some(first) = found.iter().find(|found| found.gap == 0.0) else {
+            let Some(first) = first else {
                 if k > last {
                     break;
                 }
-                left -= samples;
                 let found = &found[0];
                 let why = format!(
                     "the search came to {:.3} rad from the goal after {} samples; more samples, another seed or a \
@@ -205,9 +202,6 @@ where
                     nodes: found.nodes,
                     ..nothing(PlanStatus::NotFound, why, found.gap, margin)
                 });
-                if k == last {
-                    break;
-                }
                 continue;
             };
             self.space.margins.shares = ROUNDED;
@@ -224,19 +218,23 @@ where
                 nodes: first.nodes,
                 ..nothing(status, why, 0.0, margin)
             });
-            let drawn: usize = found.iter().map(|found| found.samples).sum();
-            left = left.saturating_sub(if k < last { samples } else { drawn });
             // The straight way would be found again.
-            if k >= last && (drawn == 0 || left == 0) {
+            if !is_trial && drawn == 0 {
                 break;
             }
         }
         Ok(failed.expect("there is a margin to try"))
     }
 
-    /// Keeps the same margin everywhere, with bodies of the arm that are so far `apart` \[m\].
+    /// What can be kept at `q`.
+    fn end(&mut self, q: &[f64]) -> End {
+        let apart = self.space.own_room(q, APART / SHARE);
+        End::new(q, self.space.room(q), apart)
+    }
+
+    /// Keeps the same margin everywhere, and bodies of the arm that far `apart` at most \[m\].
     fn keep(&mut self, margin: f64, apart: f64) {
-        let apart = APART.min(SHARE * apart).max(0.0);
+        let apart = APART.min(apart).max(0.0);
         self.space.margins = Margins::constant(vec![margin; self.start.len()], apart);
     }
 
