@@ -205,7 +205,9 @@ OPTIONS: dict[str, Option] = {
     ),
     "smooth motion": Option(_smooth),
     "governor": Option(lambda _: {"controller.governor": {}}),
-    "replanning": Option(lambda _: {"replan": {}}, ("needs a reference that is a plan",)),
+    "replanning": Option(
+        lambda _: {"replan": {}}, ("needs a reference that comes to rest", "slides without an end")
+    ),
     "order": Option(_order),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
     "observer": Option(

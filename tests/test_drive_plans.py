@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from test_replan import STRAIGHT
 from vffnull.errors import InputTypeError, ScenarioError
 from vffnull.robots.emulated import franka
 from vffnull.robots.franka import FrankaRobot
@@ -40,6 +41,8 @@ BLOCKED: dict[str, Any] = {
     "obstacles": [{"shape": {"kind": "circle", "radius": 0.2}, "position": [0.5, 2.9]}],
     "replan": {"latency": 0.25},
 }
+
+GOAL_OF_LINE = STRAIGHT["reference"]["end"]
 
 
 def recorded(scene: vff.Scenario, path: Path, seconds: float) -> Any:
@@ -192,3 +195,14 @@ def test_scenarios_are_taken_as_everywhere() -> None:
 def test_emulations_follow_the_plan_with_its_posture() -> None:
     outcome = emulation.emulate("panda-shelf", seconds=1.5)
     assert outcome.fine and outcome.clearance is not None and outcome.clearance > 0.0
+
+
+def test_a_line_that_leads_nowhere_is_left_for_a_plan() -> None:
+    """A wall is in the way of the hand: a plan comes from the thread beside, and the tip arrives."""
+    with vff.drive(SimulatedRobot(STRAIGHT), STRAIGHT) as driven:
+        wait_for(lambda: driven.state.path_time is not None or driven.state.periods > 0)
+        assert driven.state.q_plan is None
+        wait_for(lambda: np.linalg.norm(driven.state.x - GOAL_OF_LINE) < 1e-3 or not driven.running)
+        assert driven.state.q_plan is not None
+    first = driven.report.replans[0]
+    assert driven.report.status == "stopped" and (first.reason, first.status) == ("stuck", "found")

@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import vffnull as vff
-from test_replan import BLOCKED
+from test_replan import BLOCKED, STRAIGHT
 from test_report_in_space import corners_of, runs_of, same_corners, unpack
 from vffnull.draw import replans, style
 from vffnull.draw.figures.animation import frames_of
@@ -137,6 +137,35 @@ def test_films_show_the_ghost_of_the_plan(space: bool, shelf: vff.Result, run: v
             dots = frames_of(each, np.array([len(result.t) // 2]), 1.0).at(0).astype(int)
         counts.append(int((dots[..., 1] > np.maximum(dots[..., 0], dots[..., 2]) + 6).sum()))
     assert counts[0] > counts[1] + 300
+
+
+@pytest.fixture(scope="module")
+def late() -> vff.Result:
+    """A hand that follows a line until it asks for a plan."""
+    return vff.simulate(STRAIGHT, {"duration": 4.0, "simulation.record_every": 20})
+
+
+def test_as_long_as_there_is_no_plan_its_arm_is_within_the_other(late: vff.Result, tmp_path: Path) -> None:
+    (search,) = late.replans
+    assert search.taken is not None and late.q_plan is not None
+    row = int(np.searchsorted(late.t, search.taken)) - 1
+    scene = Scene.of_result(late)
+    np.testing.assert_array_equal(scene.plan_deviation[: row + 1], 0.0)
+    assert scene.plan_deviation[row + 5 :].max() > 0.01
+    assert 0 < row < scene.instants(5)[-1]
+    figures = late.plot()
+    assert isinstance(figures, dict)
+    assert legend_of(figures["joint_angles"]).count("plan") == 1
+    (told,) = replans.summary(late)
+    assert told.startswith("1 plan: asked for at ") and "came no nearer to its end" in told
+    assert "nan" not in late.report(tmp_path / "late.html").read_text().lower().split("<script")[0]
+
+    never = dataclasses.replace(late, q_plan=np.full_like(late.q_plan, np.nan), replans=())
+    assert Scene.of_result(never).plan == ()
+    figures = never.plot()
+    assert isinstance(figures, dict)
+    assert all("plan" not in text for figure in figures.values() for text in legend_of(figure))
+    assert replans.summary(never) == ["The arm follows its reference; no plan was asked for."]
 
 
 # --------------------------------------------------------------------------------------------------- reports

@@ -1,4 +1,4 @@
-"""Plans that are replaced while they are followed: results, files, errors, live page, Ctrl-C."""
+"""Plans that take the place of what is followed: results, files, errors, live page, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ def test_damaged_searches_are_refused(result: vff.Result, tmp_path: Path, value:
     ("changes", "problem"),
     [
         (
-            {"reference": {"kind": "setpoint", "point": [1.0, 2.0]}, "controller": {}},
-            "replan: needs a reference that is a plan",
+            {"reference": {"kind": "circle", "center": [1.0, 2.0], "radius": 0.1, "angular_velocity": 1.0}},
+            "replan: needs a reference that comes to rest",
         ),
         ({"perception": {"kind": "range"}}, "replan: needs obstacles that are known"),
         ({"replan": {"latency": -1.0}}, r"replan\.latency"),
@@ -158,6 +158,67 @@ def test_an_arm_that_stands_at_a_joint_limit_is_asked_for() -> None:
     assert watched.metrics.replans >= 1
     assert np.linalg.norm(watched.error[-1]) < 1e-3
     assert watched.q[-1] == pytest.approx(goal, abs=1e-2)
+
+
+WALL = [
+    {"shape": {"kind": "circle", "radius": 0.3}, "position": [1.2, 1.1]},
+    {"shape": {"kind": "circle", "radius": 0.3}, "position": [1.5, 0.6]},
+]
+STRAIGHT: dict[str, Any] = {
+    **BLOCKED,
+    "duration": 8.0,
+    "q0": [0.9, 0.5, 0.4, 0.3],
+    "controller": {**BLOCKED["controller"], "posture": [0.5] * 4, "posture_stiffness": 20.0},
+    "reference": {"kind": "line", "end": [2.2, -0.4], "duration": 2.0},
+    "obstacles": WALL,
+    "replan": {},
+}
+
+
+@pytest.fixture(scope="module")
+def planned() -> vff.Result:
+    return vff.simulate(STRAIGHT)
+
+
+def test_a_hand_that_nothing_lets_past_asks_for_a_plan(planned: vff.Result, tmp_path: Path) -> None:
+    """A line leads through a wall: whoever only reacts stands in front of it, a plan leads around."""
+    alone = vff.simulate({**STRAIGHT, "replan": None})
+    assert np.linalg.norm(alone.error[-1]) > 0.3 and alone.q_plan is None
+    assert np.linalg.norm(planned.error[-1]) < 1e-3 and planned.metrics.min_clearance > 0.01
+    (search,) = planned.replans
+    assert (search.reason, search.status) == ("stuck", "found") and search.taken is not None
+    assert planned.q_plan is not None
+    np.testing.assert_array_equal(np.isnan(planned.q_plan).any(axis=1), planned.t <= search.taken)
+    loaded = vff.Result.load(planned.save(tmp_path / "run.npz"))
+    np.testing.assert_array_equal(loaded.q_plan, planned.q_plan)
+    assert loaded.replans == planned.replans
+
+
+def test_a_panda_goes_round_a_board_as_well() -> None:
+    """In space, with look-ahead and a governor: a hand that goes straight stands in front of a board."""
+    posture = [0.6, 0.3, 0.0, -1.9, 0.0, 2.2, 1.6]
+    scene = {
+        "duration": 9.0,
+        "q0": posture,
+        "arm": {"model": "panda"},
+        "controller": {
+            "task": "position",
+            "stiffness": 200.0,
+            "damping": 28.0,
+            "null_damping": 10.0,
+            "posture": posture,
+            "posture_stiffness": 20.0,
+            "avoidance": "cbf",
+            "yielding": {"preview": {}},
+            "governor": {},
+        },
+        "reference": {"kind": "line", "end": [0.45, -0.3, 0.45], "duration": 3.0},
+        "obstacles": [{"shape": {"kind": "box", "size": [0.5, 0.02, 0.3]}, "position": [0.5, 0.0, 0.45]}],
+    }
+    alone, watched = (vff.simulate({**scene, **more}) for more in ({}, {"replan": {}}))
+    assert np.linalg.norm(alone.error[-1]) > 0.2
+    assert watched.metrics.replans == 1 and np.linalg.norm(watched.error[-1]) < 2e-3
+    assert watched.metrics.min_clearance > 0.005
 
 
 def test_ctrl_c_ends_a_search() -> None:

@@ -235,6 +235,7 @@ impl DriveLoop {
         for ((name, values), (_, width)) in columns.into_iter().zip(&layout.0) {
             match (name, one) {
                 ("t" | "path_time", true) => found.set_item(name, values[0])?,
+                ("q_plan", true) if values[0].is_nan() => {}
                 ("t" | "path_time", false) | (_, true) => {
                     found.set_item(name, PyArray1::from_vec(py, values))?;
                 }

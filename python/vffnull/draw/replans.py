@@ -1,10 +1,11 @@
-"""Searches for another plan: marks over time, and words for them."""
+"""Searches for a plan: marks over time, and words for them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -58,10 +59,12 @@ def summary(result: Outcome) -> list[str]:
     """How many new plans there were, when and why, in sentences; none if the run follows no plan."""
     if result.q_plan is None:
         return []
+    is_plan = not np.isnan(result.q_plan[:1]).any()
     if not result.replans:
-        return ["The arm follows its plan; no other was asked for."]
+        told = "follows its plan; no other" if is_plan else "follows its reference; no plan"
+        return [f"The arm {told} was asked for."]
     taken = sum(each.taken is not None for each in result.replans)
-    count = f"{taken or 'No'} new plan{'' if taken == 1 else 's'}"
+    count = f"{taken or 'No'} {'new ' if is_plan else ''}plan{'' if taken == 1 else 's'}"
     rest = len(result.replans) - _MOST
     lines = [_told(each) for each in result.replans[:_MOST]]
     return [f"{count}: {'; '.join(lines)}{f'; and {rest} more' if rest > 0 else ''}."]

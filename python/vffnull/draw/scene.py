@@ -192,8 +192,8 @@ class Scene:
             sensed=result.sensed,
             rotations=tuple(_core.rotations(each, size, result.t) for each in document.get("obstacles", [])),
             plan=()
-            if result.q_plan is None
-            else tuple(part for part in cls.of_postures(made_of, result.q_plan).parts if part.index >= 0),
+            if (planned := ghost(result)) is None
+            else tuple(part for part in cls.of_postures(made_of, planned).parts if part.index >= 0),
             measured=Measured(made_of, result.q, tuple(document.get("obstacles", []))) if size == 3 else None,
         )
 
@@ -537,6 +537,13 @@ class Scene:
                 high = np.maximum(high, np.minimum(place[0] + ring.max(axis=0), inner[1] + 1.6 * reach))
         pad = margin * float((high - low).max()) / 2 + float(self.radii.max())
         return low - pad, high + pad
+
+
+def ghost(result: Outcome) -> Array | None:
+    """Where the joints of the plan are drawn, (T, n): within the arm as long as there is none."""
+    if result.q_plan is None or np.isnan(result.q_plan).all():
+        return None
+    return np.where(np.isnan(result.q_plan), result.q, result.q_plan)
 
 
 def drawable(result: Outcome) -> Outcome:

@@ -71,7 +71,7 @@ def details(state: Mapping[str, Any], notes: Iterable[str] = ()) -> str:
         f"longest step {1e6 * state['worst']:.0f} µs<br>"
         f"{state['missed']} of {state['periods']} deadlines missed"
     )
-    if state["q_plan"] is not None:
+    if state["q_plan"] is not None or state["times_stuck"]:
         loop += (
             f'<br>new plans: <span id="vff-replans">{state["replans"]}</span> · '
             f'stuck: <span id="vff-stuck">{state["times_stuck"]}</span>'

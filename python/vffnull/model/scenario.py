@@ -71,8 +71,7 @@ class Scenario:
     seed : int, optional
         Where the random numbers come from; 0 by default.
     replan : dict, optional
-        Searches for another plan where the reference is one that leads nowhere any more; ``{}`` takes every
-        default.
+        Searches for a plan where the reference leads nowhere; ``{}`` takes every default.
     wrenches : Wrench, dict, or iterable of them, optional
         What pushes the physical arm from outside.
 

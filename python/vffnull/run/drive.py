@@ -58,7 +58,7 @@ class DriveState:
     path_time : float or None
         Where the clock of the scenario's reference is [s], which waits with a `governor`; None without one.
     q_plan : (n,) ndarray or None
-        Where the plan that is followed has the joints [rad]; None without one.
+        Where the plan that is followed has the joints [rad]; None as long as there is none.
     phase : str
         ``"starting"``, ``"running"``, ``"holding"``, ``"damping"``, ``"released"``, ``"lost"``,
         ``"stopping"``, ``"finished"``: what the output stage does; ``"over"`` when the thread has ended.
@@ -122,7 +122,7 @@ class DriveReport(Clock):
     lost : int
         Rows of the recording that were lost because its thread came too late.
     replans : tuple of Replan
-        Every search for another plan.
+        Every search for a plan.
     left_out : dict
         What was left out for lack of time, or for a bound, as `Controller.left_out` counts it.
     notes : tuple of str
@@ -459,8 +459,8 @@ def drive(
         The law with its settings; the drive works on a copy. Of a scenario its controller, obstacles and
         reference: that begins when the torque has been blended in, and waits where the controller has a
         `governor`. A plan is followed with its posture and its margins, and the robot has to be where it
-        begins, within 0.1 rad; with a table `replan` another one is searched, in a thread of its own, where
-        it leads nowhere any more. Without `command`, what a robot with ``gravity`` or ``torque_rate`` takes
+        begins, within 0.1 rad; with a table `replan` a plan is searched, in a thread of its own, where the
+        reference leads nowhere. Without `command`, what a robot with ``gravity`` or ``torque_rate`` takes
         is that `of the robot`.
     rate : float, optional
         Periods per second [Hz], 10 to 20 000. A robot that paces the loop has its own, which this should say.

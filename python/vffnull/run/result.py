@@ -119,8 +119,8 @@ class Result(Outcome):
         Time [s] of the reference, which a governor slows down; `x_ref` and `error` are those of the reference
         that waits. None without a table ``[controller.governor]``.
     q_plan : (T, n) ndarray or None
-        Joint angles of the plan [rad], and of every plan that took its place; None unless the reference is
-        one.
+        Joint angles of the plan [rad], and of every plan that took its place, NaN as long as there is none;
+        None unless the reference is one or the scenario has a table ``[replan]``.
     q_measured, dq_measured : (T, n) ndarray or None
         What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
         has sensors, a table ``[measurement]``. Everything else is of the true state.
@@ -134,7 +134,7 @@ class Result(Outcome):
     plant : {"core", "mujoco"}
         What moved the arm.
     replans : tuple of Replan
-        Searches for another plan, one after the other; empty without a table ``[replan]``.
+        Searches for a plan, one after the other; empty without a table ``[replan]``.
 
     Examples
     --------

@@ -143,6 +143,16 @@ impl<const M: usize> Gains<M> {
         posture.iter_mut().zip(q).for_each(|((rest, _), q)| *rest = *q);
     }
 
+    /// Lets the posture be that of the settings.
+    pub fn forget_posture(&mut self) {
+        match &self.settings.posture {
+            Some(rest) => {
+                self.posture.iter_mut().zip(rest).for_each(|((posture, _), rest)| *posture = *rest);
+            }
+            None => self.posture.clear(),
+        }
+    }
+
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.
     pub fn add_posture_torque(&self, q: &[f64], out: &mut [f64]) {
         for ((out, q), (rest, stiffness)) in out.iter_mut().zip(q).zip(&self.posture) {

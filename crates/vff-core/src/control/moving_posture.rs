@@ -14,9 +14,20 @@ pub struct MovingPosture {
     pub torque: Vec<f64>,
     momentum: Vec<f64>,
     scratch: Vec<f64>,
-    /// Where it was when the plan was left, and for how long that has been \[s\]; None on a plan.
-    left: Option<f64>,
+    course: Course,
+    /// Where it was when the plan was left.
     leaving: [Vec<f64>; 3],
+}
+
+/// Whether a posture follows a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Course {
+    /// There has been none.
+    None,
+    /// It does.
+    Along,
+    /// It has left it so long ago \[s\].
+    Left(f64),
 }
 
 /// The pole with which a posture that has left its plan comes to rest \[1/s\].
@@ -31,15 +42,23 @@ impl MovingPosture {
             torque: zeros(),
             momentum: zeros(),
             scratch: zeros(),
-            left: None,
+            course: Course::None,
             leaving: [0; 3].map(|_| zeros()),
+        }
+    }
+
+    /// At rest at 0 again, as if it had never moved.
+    pub fn forget(&mut self) {
+        self.course = Course::None;
+        for numbers in self.state.iter_mut().chain([&mut self.torque]) {
+            numbers.fill(0.0);
         }
     }
 
     /// Leaves the plan, if it is on one: from now on it comes to rest.
     pub fn leave(&mut self) {
-        if self.left.is_none() {
-            self.left = Some(0.0);
+        if self.course == Course::Along {
+            self.course = Course::Left(0.0);
             for (from, state) in self.leaving.iter_mut().zip(&self.state) {
                 from.copy_from_slice(state);
             }
@@ -49,10 +68,8 @@ impl MovingPosture {
     /// Lets `dt` \[s\] pass. Off a plan its velocity decays with the pole [`RATE`] twice, so that neither it nor its acceleration
     /// jumps. Whether it has moved.
     pub fn elapse(&mut self, dt: f64) -> bool {
-        let Self { state: [q, dq, ddq], left: Some(since), leaving: [q0, dq0, ddq0], .. } = self
-        else {
-            return false;
-        };
+        let Self { state: [q, dq, ddq], course, leaving: [q0, dq0, ddq0], .. } = self;
+        let Course::Left(since) = course else { return false };
         *since += dt;
         let phase = RATE * *since;
         let (decay, gone) = ((-phase).exp(), -(-phase).exp_m1());
@@ -68,8 +85,8 @@ impl MovingPosture {
 
     /// Goes to where the plan is at `pace`: q̇_d = q′σ̇ and q̈_d = q″σ̇² + q′σ̈.
     pub fn go_to(&mut self, joints: &JointSpline, pace: &Pace) {
-        self.left = None;
-        joints.at(pace.time, self.state.each_mut().map(Vec::as_mut_slice));
+        self.course = Course::Along;
+        joints.posture_at(pace.time, self.state.each_mut().map(Vec::as_mut_slice));
         let [_, dq, ddq] = &mut self.state;
         for (dq, ddq) in dq.iter_mut().zip(ddq) {
             *ddq = *ddq * (pace.speed * pace.speed) + *dq * pace.change;

@@ -66,6 +66,11 @@ impl<const D: usize> ThirdOrderFilter<D> {
         slope + self.rate * self.span()
     }
 
+    /// From when on it is as good as at rest at the goal: within 1e-10 of what it had to go \[s\].
+    pub fn rests_from(&self) -> f64 {
+        self.start + 30.0 / self.rate
+    }
+
     /// Where it goes.
     pub fn goal(&self) -> Vector<D> {
         self.goal

@@ -1,8 +1,10 @@
-//! Makes another plan while one is being followed, where that leads nowhere any more (T121).
+//! Makes a plan while a reference is being followed, where that leads nowhere: another plan (T121), or the first one (T179).
 
 use super::motion::{Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, ranges_of};
 use crate::control::SelfCollision;
 use crate::interrupt::{self, Watch};
+use crate::inverse_kinematics::Solver;
+use crate::math::{Pose, Vector};
 use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
@@ -26,10 +28,12 @@ const WAITS: u32 = 3;
 const AT_LIMIT: f64 = 0.02;
 /// What has to be gained on the way to the goal \[rad or m\] to be progress.
 const PROGRESS: f64 = 0.01;
+/// An end effector that is turned away by 1 rad counts as being so far off \[m\].
+const LEVER: f64 = 0.4;
 /// After a search that finds nothing the next one waits, twice as long each time, from so long to so long \[s\].
 const PAUSES: [f64; 2] = [0.1, 3.2];
 
-/// Watches over the plan that an arm follows.
+/// Watches over the reference that an arm follows: a plan, or a curve that comes to rest.
 ///
 /// # Example
 /// A closed loop asks for it; a document has `[replan]`:
@@ -49,12 +53,14 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     seed: u64,
     /// What is searched: with the goal; start and world are those of the moment.
     task: Task<S, D, M>,
-    first: JointSpline,
+    first: Trajectory<S::Pose, M>,
     beside: bool,
     search: Option<Search>,
     searches: Vec<Replanned>,
     /// What the plan keeps from everything \[m\], where it does not say so itself.
     kept: f64,
+    /// What barriers keep without a plan \[m\].
+    usual: f64,
     /// How often what passes by has been waited for.
     waits: u32,
     ahead: Ahead<S, D, M>,
@@ -85,7 +91,7 @@ where
     S: CheckReach<D, M> + 'static,
     S::State: Jointed<D>,
 {
-    /// For the plan that `arm` follows in `world`.
+    /// For what `arm` follows in `world`.
     ///
     /// # Errors
     /// If a joint slides without an end.
@@ -93,26 +99,27 @@ where
         settings: &ReplanSettings,
         scenario: &Scenario,
         (arm, world): (&Arc<S::Arm>, &World<S::Geometry, D>),
-        plan: &JointSpline,
+        reference: &Trajectory<S::Pose, M>,
     ) -> Result<Self, ScenarioError> {
         let mut state = arm.state();
         has_ends(&state, arm.limits())?;
-        state.update_positions(plan.last());
+        state.update_positions(&scenario.q0);
         let mut this = Self {
             task: Task {
                 goal: Goal::Pose(Manipulator::<D, M>::pose(&state)),
                 arm: Arc::clone(arm),
                 world: world.clone(),
                 keeps_apart: scenario.controller.self_collision != SelfCollision::Ignore,
-                start: plan.first().to_vec(),
+                start: scenario.q0.clone(),
             },
             settings: settings.clone(),
             seed: scenario.seed,
-            first: plan.clone(),
+            first: reference.clone(),
             beside: false,
             search: None,
             searches: vec![],
             kept: 0.0,
+            usual: scenario.controller.yielding.margin,
             waits: 0,
             ahead: Ahead::new(state, world),
             progress: Progress::default(),
@@ -125,14 +132,76 @@ where
     fn begin(&mut self) {
         let Self { first, settings, ahead, task, .. } = self;
         *ahead = Ahead::new(task.arm.state(), &task.world);
-        let [start, end] = first.span();
-        let room = [(first.first(), start), (first.last(), end)]
-            .map(|(q, t)| 0.9 * ahead.room(q, t, |_| 0.0))
-            .into_iter()
-            .fold(settings.margin, f64::min);
-        self.kept = room.max(0.0);
+        self.kept = 0.0;
+        if let Some(plan) = first.joints() {
+            let [start, end] = plan.span();
+            let room = [(plan.first(), start), (plan.last(), end)]
+                .map(|(q, t)| 0.9 * ahead.room(q, t, |_| 0.0))
+                .into_iter()
+                .fold(settings.margin, f64::min);
+            self.kept = room.max(0.0);
+        }
+        if let Some(end) = first.rests_from() {
+            task.goal = Goal::Pose(first.at(end).x);
+        }
         self.progress = Progress::default();
         self.waits = 0;
+    }
+
+    /// Turns to where `reference` leads, if that is a curve that leads elsewhere: what was searched is of no use there. Whether there
+    /// is a place where it comes to rest.
+    fn turn_to(&mut self, reference: &Trajectory<S::Pose, M>) -> bool {
+        if reference.joints().is_some() {
+            return true;
+        }
+        let Some(end) = reference.rests_from() else { return false };
+        let end = reference.at(end).x;
+        if !matches!(&self.task.goal, Goal::Pose(goal) if *goal == end) {
+            self.task.goal = Goal::Pose(end);
+            if self.search.take().is_some()
+                && let Some(search) = self.searches.last_mut()
+            {
+                search.status = Some("given up");
+            }
+            self.progress = Progress::default();
+            self.waits = 0;
+            self.wait = [f64::NEG_INFINITY, PAUSES[0]];
+        }
+        true
+    }
+
+    /// Where the arm is on its way.
+    fn place(&mut self, moment: &Moment<'_, S, D, M>) -> Place {
+        let is_off = size::<D, M>(moment.error) > self.settings.tolerance;
+        match (moment.reference.joints(), &self.task.goal) {
+            (Some(plan), _) => {
+                let planned = moment.posture.iter().map(|(planned, _)| planned);
+                let left = farthest(plan.last(), moment.q.iter());
+                Place { is_off, from_plan: farthest(moment.q, planned), left }
+            }
+            (None, Goal::Pose(goal)) if is_off => {
+                let robot = &mut self.ahead.robot;
+                robot.update_positions(moment.q);
+                let left = size::<D, M>(&Manipulator::<D, M>::pose(robot).error(goal));
+                Place { is_off, from_plan: 0.0, left }
+            }
+            _ => Place { is_off, from_plan: 0.0, left: f64::INFINITY },
+        }
+    }
+
+    /// Whether the arm could go straight from `task.start` to the end, were nothing to move.
+    fn is_straight(&mut self, task: &Task<S, D, M>, moment: &Moment<'_, S, D, M>) -> bool {
+        match (moment.reference.joints(), &task.goal) {
+            (Some(plan), _) => task.is_straight(plan.last()),
+            (None, Goal::Configuration(goal)) => task.is_straight(goal),
+            (None, Goal::Pose(goal)) => {
+                let mut q = task.start.clone();
+                let length = task.arm.characteristic_length();
+                let mut solver = Solver::<M>::new(q.len(), length);
+                solver.solve(&mut self.ahead.robot, &mut q, goal).is_reached()
+                    && task.is_straight(&q)
+            }
+        }
     }
 
     /// Takes a plan over that has come.
@@ -160,14 +229,29 @@ where
         self.kept = plan.margin;
         self.waits = 0;
         self.ahead.begin_anew();
-        let times: Vec<f64> = plan.times.iter().map(|t| moment.path_time + t).collect();
+        let last = plan.q.rchunks(moment.q.len()).next().unwrap_or_default();
+        self.progress.nearest = [farthest(last, moment.q.iter()), moment.t];
+        let times: Vec<f64> = plan.times.iter().map(|t| moment.pace.time + t).collect();
         let rows = |numbers: &[f64]| -> Vec<Vec<f64>> {
             numbers.chunks(moment.q.len()).map(<[f64]>::to_vec).collect()
         };
         let joints = JointSpline::new(&times, &rows(&plan.q)).ok()?;
+        let Moment { pace, reference, posture, .. } = *moment;
+        let (path_time, blend) = (pace.time, self.settings.blend);
         let joints = joints.keeping(&rows(&plan.margins)).ok()?;
-        let joints = joints.taking_over(moment.joints, moment.path_time, self.settings.blend);
-        Some(follow_plan::<S::State, D, M>(self.task.arm.state(), joints))
+        let joints = joints.keeping_on(reference.joints(), self.usual, path_time, blend);
+        let follow = |joints| follow_plan::<S::State, D, M>(self.task.arm.state(), joints);
+        Some(match reference.joints() {
+            Some(old) => {
+                follow(joints.taking_over(old, path_time, blend)).displaced_like(reference)
+            }
+            None if posture.is_empty() => follow(joints).taking_over(reference, &pace, blend),
+            None => {
+                let rest: Vec<f64> = posture.iter().map(|(q, _)| *q).collect();
+                let joints = joints.drawing_from(&rest, path_time, blend);
+                follow(joints).taking_over(reference, &pace, blend)
+            }
+        })
     }
 
     /// Begins a search.
@@ -191,21 +275,22 @@ where
             let inside = q.max(lower).min(upper);
             *start = if (q - inside).abs() <= AT_LIMIT { inside } else { *q };
         }
-        // A plan that is over pulls straight to its end: if that way is free, what is passing by has to be waited for, but not
-        // for ever.
-        let is_over = moment.path_time >= moment.joints.span()[1];
+        // A plan that is over pulls straight to its end, as a curve does: if that way is free, what is passing by has to be waited
+        // for, but not for ever.
+        let plan = moment.reference.joints();
+        let is_over = plan.is_none_or(|plan| moment.pace.time >= plan.span()[1]);
         let [_, moving] = moment.world.parted();
         let may_wait = is_over && !moving.is_empty() && self.waits < WAITS;
-        if may_wait && task.is_straight(moment.joints.last()) {
+        if may_wait && self.is_straight(&task, moment) {
             self.waits += 1;
             self.wait[0] = moment.t + self.settings.patience;
             return;
         }
         // Where the plan is left, it is that which is gone on from; else the arm.
-        let from_plan = (reason == Reason::Blocked).then(|| {
+        let from_plan = plan.filter(|_| reason == Reason::Blocked).map(|plan| {
             let mut state = [0; 3].map(|_| moment.q.to_vec());
-            let then = moment.path_time + latency;
-            moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));
+            let then = moment.pace.time + latency;
+            plan.at(then, state.each_mut().map(Vec::as_mut_slice));
             let [q, ..] = state;
             Task { start: q, ..task.clone() }
         });
@@ -246,7 +331,11 @@ where
     S::State: Jointed<D>,
 {
     fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
-        let off = self.progress.look(moment, &self.settings);
+        if !self.turn_to(moment.reference) {
+            return None;
+        }
+        let place = self.place(moment);
+        let off = self.progress.look(moment.t, place, &self.settings);
         if self.search.is_some() {
             return self.receive(moment);
         }
@@ -263,7 +352,7 @@ where
         self.searches.clear();
         self.wait = [f64::NEG_INFINITY, PAUSES[0]];
         self.begin();
-        follow_plan::<S::State, D, M>(self.task.arm.state(), self.first.clone())
+        self.first.clone()
     }
 
     fn plan_beside(&mut self) {
@@ -343,9 +432,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
     /// The least distance at the next places of the plan beyond what it says that it keeps, or where it says nothing, `kept`
     /// \[m\]. Beyond the horizon, what moves is not known.
     fn look(&mut self, moment: &Moment<'_, S, D, M>, settings: &ReplanSettings, kept: f64) -> f64 {
-        let rest = moment.joints.span()[1] - moment.path_time;
         let since = moment.t - self.last;
         self.last = moment.t;
+        let Some(joints) = moment.reference.joints() else { return f64::INFINITY };
+        let rest = joints.span()[1] - moment.pace.time;
         if rest <= 0.0 {
             return f64::INFINITY;
         }
@@ -361,14 +451,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             left -= STEP;
             interrupt::checkpoint(64 * moment.q.len());
             let mut state = std::mem::take(&mut self.q);
-            let then = moment.path_time + ahead;
-            moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));
+            let then = moment.pace.time + ahead;
+            joints.at(then, state.each_mut().map(Vec::as_mut_slice));
             if ahead > settings.horizon && !self.worlds[1].is_empty() {
                 self.worlds[1] = World::new(vec![]);
             }
             let mut margins = std::mem::take(&mut self.margins);
-            match moment.joints.margins() {
-                Some(said) => said.at(&Pace::of_time(then), f64::INFINITY, &mut margins),
+            match joints.margins() {
+                Some(said) => said.known_at(&Pace::of_time(then), f64::INFINITY, &mut margins),
                 None => margins.fill([kept / CERTAIN, 0.0, 0.0]),
             }
             let room =
@@ -378,6 +468,28 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
         }
         least
     }
+}
+
+/// Where an arm is on its way.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// Whether its end effector is not where the reference is.
+    is_off: bool,
+    /// How far the joint is from the plan that is farthest from it \[rad or m\].
+    from_plan: f64,
+    /// How much is left to the end: of the joint that has farthest to go along a plan, or of the end effector to where a curve leads
+    /// \[rad or m\].
+    left: f64,
+}
+
+/// The difference of the joint that differs most \[rad or m\].
+fn farthest<'a>(a: &[f64], b: impl Iterator<Item = &'a f64>) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// How much an error is, of position or of orientation \[m\].
+fn size<const D: usize, const M: usize>(error: &Vector<M>) -> f64 {
+    error.fixed_rows::<D>(0).norm().max(LEVER * error.rows(D, M - D).norm())
 }
 
 /// Whether the arm is on its plan, and comes nearer to its end.
@@ -399,23 +511,16 @@ impl Default for Progress {
 }
 
 impl Progress {
-    fn look<S: System<D, M>, const D: usize, const M: usize>(
-        &mut self,
-        moment: &Moment<'_, S, D, M>,
-        settings: &ReplanSettings,
-    ) -> Option<Reason> {
-        let Moment { t, q, .. } = *moment;
-        let farthest =
-            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    /// Hears where the arm is at time `t` \[s\].
+    fn look(&mut self, t: f64, place: Place, settings: &ReplanSettings) -> Option<Reason> {
+        let Place { is_off, from_plan, left } = place;
         // An elbow that makes room while the end effector is where it should be has not lost its way.
-        let is_off = moment.error > settings.tolerance;
-        let strayed = if is_off && farthest(moment.planned, q) > settings.stray {
+        let strayed = if is_off && from_plan > settings.stray {
             t - *self.off_since.get_or_insert(t) >= settings.patience
         } else {
             self.off_since = None;
             false
         };
-        let left = farthest(moment.joints.last(), q);
         let [nearest, since] = self.nearest;
         if !is_off || left < nearest - PROGRESS {
             self.nearest = [left, t];

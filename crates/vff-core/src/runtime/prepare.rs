@@ -71,9 +71,9 @@ where
     Run<S, D, M>: ErasedRun,
 {
     let (mut closed_loop, warnings) = scenario.closed_loop::<S, D, M>(scene)?;
-    if let (Some(settings), Some(plan)) = (&scenario.replan, closed_loop.plan()) {
-        let replanner =
-            Replanner::new(settings, scenario, (closed_loop.arm(), closed_loop.world()), plan)?;
+    if let Some(settings) = &scenario.replan {
+        let (arm, world) = (closed_loop.arm(), closed_loop.world());
+        let replanner = Replanner::new(settings, scenario, (arm, world), closed_loop.reference())?;
         closed_loop.set_replanning(Box::new(replanner));
     }
     let run = Run::new(closed_loop, &scenario.simulation, scenario.duration, recorded).map_err(

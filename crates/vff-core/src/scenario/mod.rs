@@ -454,7 +454,7 @@ impl Scenario {
         }
         validate::controller(&self.controller, Some((n, D)))
             .and_then(|()| validate::controller_of(&self.controller, model.limits()))
-            .and_then(|()| match S::is_plan(&scene.reference) {
+            .and_then(|()| match S::is_plan(&scene.reference) || self.replan.is_some() {
                 true => Ok(()),
                 false => validate::posture(&self.controller),
             })
@@ -477,8 +477,10 @@ impl Scenario {
         }
         if let Some(settings) = &self.replan {
             let knows = self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal);
-            let problem = match (S::is_plan(&scene.reference), knows) {
-                (false, _) => Some("needs a reference that is a plan"),
+            let problem = match (S::comes_to_rest(&scene.reference), knows) {
+                (false, _) => {
+                    Some("needs a reference that comes to rest, so that there is a place to go to")
+                }
                 (_, false) => Some("needs obstacles that are known, without `perception`"),
                 _ => None,
             };

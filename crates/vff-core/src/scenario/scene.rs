@@ -45,6 +45,9 @@ pub trait FromDocument<const D: usize>:
     /// Whether a reference brings a posture with it.
     fn is_plan(reference: &Self::Reference) -> bool;
 
+    /// Whether a reference comes to rest.
+    fn comes_to_rest(reference: &Self::Reference) -> bool;
+
     /// Validates an obstacle.
     ///
     /// # Errors

@@ -356,8 +356,7 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
 pub fn posture(settings: &Settings) -> Validated {
     let pulls = settings.posture_stiffness.values().iter().any(|k| *k > 0.0);
     if pulls && settings.posture.is_none() {
-        let problem =
-            "needs `posture`, the angles that the spring pulls to, or a plan as the reference";
+        let problem = "needs `posture`, the angles that the spring pulls to, or a plan: as the reference, or by `replan`";
         return Err(ScenarioError::new("posture_stiffness", Problem::Other(problem.into())));
     }
     Ok(())

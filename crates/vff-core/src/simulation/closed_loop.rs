@@ -19,7 +19,7 @@ use crate::control::{
 use crate::interrupt;
 use crate::math::{Pose, Vector, keep_least};
 use crate::robot::{Limits, Manipulator, Model, Robot};
-use crate::trajectory::{Governor, JointSpline, Pace, Trajectory};
+use crate::trajectory::{Governor, Pace, Trajectory};
 use crate::world::{CollisionQuery, Contact, ObstacleGeometry, Positions, World};
 use std::iter;
 use std::sync::Arc;
@@ -523,7 +523,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             self.held.copy_from(torque);
             self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
-                governor.hear(self.stack.controller.error().fixed_rows::<D>(0).norm());
+                let ControlStack { controller, trajectory, .. } = &self.stack;
+                governor.hear(trajectory.way_off::<D>(controller.error(), governor.path_time(t)));
             }
         }
         self.x = match &mut self.truth {

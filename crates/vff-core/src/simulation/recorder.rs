@@ -308,7 +308,7 @@ impl Record {
             optional("released", &mut self.released, &[], |s| s.released.is_some()),
             optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
             optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
-            optional("q_plan", &mut self.q_plan, &[n], |s| s.q_plan.is_some()),
+            optional("q_plan", &mut self.q_plan, &[n], |s| s.has_plans()),
         ]
     }
 
@@ -331,7 +331,7 @@ impl Record {
                 "clearance" | "self_clearance" | "contact_threshold" => {
                     value.is_finite() || *value == f64::INFINITY
                 }
-                "sensed" | "touched_link" => true,
+                "sensed" | "touched_link" | "q_plan" => true,
                 _ => value.is_finite(),
             })
         })
@@ -389,6 +389,10 @@ impl Record {
         self.released.extend(s.released.map(|parts| parts as f64));
         self.slack.extend(s.slack);
         self.path_time.extend(s.path_time);
-        self.q_plan.extend_from_slice(s.q_plan.unwrap_or_default());
+        match s.q_plan {
+            Some(q) => self.q_plan.extend_from_slice(q),
+            None if s.has_plans() => self.q_plan.extend(s.q.iter().map(|_| f64::NAN)),
+            None => {}
+        }
     }
 }

@@ -1,8 +1,9 @@
-//! A plan that is watched over while it is followed: what is asked of whoever makes another one (T121).
+//! A reference that is watched over while it is followed: what is asked of whoever makes a plan where it leads nowhere (T121, T179).
 
 use super::System;
+use crate::math::Vector;
 use crate::settings::settings;
-use crate::trajectory::{JointSpline, Trajectory};
+use crate::trajectory::{Pace, Trajectory};
 use crate::world::World;
 use std::fmt::Debug;
 
@@ -13,13 +14,13 @@ settings! {
         latency: f64 = 0.3, "s", NOT_NEGATIVE;
         /// In what time the rest of the plan is looked through once; at most once in a period of control.
         every: f64 = 0.1, "s", POSITIVE;
-        /// For how long the arm may be off its plan, or stuck.
+        /// For how long the arm may be off its reference, or stuck.
         patience: f64 = 1.0, "s", POSITIVE;
         /// How far each joint may be from its plan.
         stray: f64 = 0.5, "rad, m", POSITIVE;
-        /// An arm whose end effector is nearer to its reference is not stuck.
+        /// An arm whose end effector is nearer to its reference is not stuck; 1 rad counts as 0.4 m.
         tolerance: f64 = 0.02, "m", NOT_NEGATIVE;
-        /// In what time the difference between two plans fades.
+        /// In what time the difference to the reference before fades.
         blend: f64 = 0.5, "s", POSITIVE;
         /// What every link keeps from obstacles; less where start or goal have less.
         margin: f64 = 0.02, "m", POSITIVE;
@@ -39,7 +40,7 @@ pub enum Reason {
     Blocked,
     /// The arm has been off it for too long.
     Strayed,
-    /// The arm has come no nearer to its end for too long.
+    /// The arm has come no nearer to the end for too long.
     Stuck,
 }
 
@@ -93,25 +94,25 @@ pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
     pub t: f64,
     /// That of the obstacles: how long their motions have lasted \[s\].
     pub since: f64,
-    /// Time of the plan \[s\], which is another one where a governor makes it wait.
-    pub path_time: f64,
+    /// The clock of the reference, which is another one where a governor makes that wait.
+    pub pace: Pace,
     /// Where the joints are, as far as is known \[rad or m\].
     pub q: &'a [f64],
-    /// Where the plan has them \[rad or m\].
-    pub planned: &'a [f64],
-    /// How far the end effector is off its reference \[m\].
-    pub error: f64,
-    /// The plan.
-    pub joints: &'a JointSpline,
+    /// Where the null space draws each of them \[rad or m\], with what stiffness: to where a plan has them; empty if nowhere.
+    pub posture: &'a [(f64, f64)],
+    /// How far the end effector is off its reference \[m, rad\].
+    pub error: &'a Vector<M>,
+    /// What it follows: a plan, or a curve.
+    pub reference: &'a Trajectory<S::Pose, M>,
     /// What is in the way.
     pub world: &'a World<S::Geometry, D>,
 }
 
-/// Somebody who makes another plan where one leads nowhere any more.
+/// Somebody who makes a plan where a reference leads nowhere.
 pub trait Replan<S: System<D, M>, const D: usize, const M: usize>: Debug + Send {
     /// Looks at a moment. What is to be followed from now on, if that is another plan.
     fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>>;
-    /// Goes back to t = 0: the first plan.
+    /// Goes back to t = 0: the first reference.
     fn restart(&mut self) -> Trajectory<S::Pose, M>;
     /// From now on plans in a thread of its own, and takes the time that it takes.
     fn plan_beside(&mut self);

@@ -62,9 +62,9 @@ pub struct Snapshot<'a> {
     pub x_ref: &'a [f64],
     /// Path time σ \[s\]; `None` without a governor.
     pub path_time: Option<f64>,
-    /// Where the plan has the joints \[rad\], (n); `None` if the reference is none.
+    /// Where the plan has the joints \[rad\], (n); `None` as long as the reference is none.
     pub q_plan: Option<&'a [f64]>,
-    /// What came of watching over the plan; `None` without `[replan]`.
+    /// What came of watching over the reference; `None` without `[replan]`.
     pub replans: Option<ReplanCounts>,
     /// x ⊖ x_ref \[m, rad\], (m), position before orientation.
     pub error: &'a [f64],
@@ -122,6 +122,11 @@ pub struct Snapshot<'a> {
 }
 
 impl Snapshot<'_> {
+    /// Whether there is a plan, or may be one later.
+    pub fn has_plans(&self) -> bool {
+        self.q_plan.is_some() || self.replans.is_some()
+    }
+
     /// Whether a link is inside an obstacle, but for one whose tip is to press on something.
     pub fn collides(&self) -> bool {
         let links = self.clearance.iter().enumerate();

@@ -126,3 +126,115 @@ fn a_plan_comes_from_beside() {
     }
     assert!(taken(&beside) > 0);
 }
+
+/// A hand that is to go straight through what is in its way.
+fn straight(more: &str, control: &str) -> Scenario {
+    Scenario::from_toml(&format!(
+        r#"
+        duration = 8.0
+        q0 = [0.9, 0.5, 0.4, 0.3]
+        arm = {{ lengths = [1, 1, 1, 1], masses = 1.0, radius = 0.05 }}
+        reference = {{ kind = "line", end = [2.2, -0.4], duration = 2.0 }}
+        {more}
+        [controller]
+        {control}
+        stiffness = 100.0
+        damping = 20.0
+        null_damping = 10.0
+        posture = [0.5, 0.5, 0.5, 0.5]
+        posture_stiffness = 20.0
+        avoidance = "cbf"
+        "#
+    ))
+    .unwrap()
+}
+
+/// A wall across the way, to be passed at its outer end.
+const WALL: &str = r#"obstacles = [{ shape = { kind = "circle", radius = 0.3 }, position = [1.2, 1.1] }, { shape = { kind = "circle", radius = 0.3 }, position = [1.5, 0.6] }]"#;
+
+/// Who follows no plan asks for one when it comes no nearer to where its reference rests, and arrives; neither reference nor
+/// torque jumps, the same run is the same to the last bit, and also a clock that stands still in front of an obstacle goes on.
+#[test]
+fn a_curve_that_leads_nowhere_is_left_for_a_plan() {
+    let alone = run(&straight(WALL, ""));
+    let off = |outcome: &Outcome| {
+        let last = outcome.record.error.rchunks(2).next().unwrap();
+        last[0].hypot(last[1])
+    };
+    assert!(off(&alone) > 0.3, "{}", off(&alone));
+    for waiting in ["", "governor = {}", "governor = { floor = 0.0 }"] {
+        let watched = straight(&format!("replan = {{}}\n{WALL}"), waiting);
+        let outcome = run(&watched);
+        assert_eq!(outcome.status, Status::Completed, "{}", outcome.message);
+        let first = outcome.replans[0];
+        assert_eq!((first.reason, first.status), (Reason::Stuck, Some("found")), "{waiting}");
+        assert!(off(&outcome) < 5e-3, "{waiting}: {}, {:?}", off(&outcome), outcome.replans);
+        let record = &outcome.record;
+        let clearance = record.clearance.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(clearance > 5e-3, "{waiting}: {clearance}");
+        let taken = first.taken.unwrap();
+        let plan = record.q_plan.chunks(4).zip(&record.t);
+        assert!(
+            plan.clone().all(|(q, t)| q.iter().all(|q| q.is_nan() == (*t <= taken))),
+            "{waiting}"
+        );
+        let moved = record.x_ref.chunks(2).collect::<Vec<_>>();
+        for three in moved.windows(3) {
+            for i in 0..2 {
+                // Within half a second it comes back to the arm, by two metres.
+                let [step, next] = [0, 1].map(|k| three[k + 1][i] - three[k][i]);
+                assert!(step.abs() < 0.012, "{waiting}: {step}");
+                assert!((next - step).abs() < 1e-4, "{waiting}: {step} {next}");
+            }
+        }
+        let tau = record.tau.chunks(4).collect::<Vec<_>>();
+        for (two, t) in tau.windows(2).zip(&record.t) {
+            let step = two[0].iter().zip(two[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!((t - taken).abs() > 0.02 || step < 2.0, "{waiting}: {step} N·m at {t}");
+        }
+        let again = run(&watched);
+        // What is not a number is not the same as itself.
+        assert_eq!((&again.record.q, &again.replans), (&record.q, &outcome.replans));
+    }
+}
+
+/// A curve that leads where it is to is left alone, and the run is that without `[replan]`.
+#[test]
+fn a_curve_that_is_free_is_left_alone() {
+    let (watched, plain) = (run(&straight("replan = {}", "")), run(&straight("", "")));
+    assert!(watched.replans.is_empty());
+    assert_eq!((&watched.record.tau, &watched.record.q), (&plain.record.tau, &plain.record.q));
+    assert_eq!(metric(&watched, "times_stuck"), Value::Count(0));
+    assert!(watched.record.q_plan.iter().all(|q| q.is_nan()));
+}
+
+/// A goal that somebody drags is planned for as well: where a hand comes no nearer to it.
+#[test]
+fn who_is_led_elsewhere_is_planned_for_elsewhere() {
+    let mut loop_ =
+        straight(&format!("replan = {{}}\n{WALL}"), "").prepare_recorded(false).unwrap().run;
+    for k in 0..9000 {
+        if k == 500 {
+            loop_.aim(&[2.4, -0.2], 10.0);
+        }
+        assert!(loop_.advance(None));
+    }
+    let snapshot = loop_.snapshot();
+    assert!(snapshot.replans.unwrap().taken > 0);
+    let off = (snapshot.x[0] - 2.4).hypot(snapshot.x[1] + 0.2);
+    assert!(off < 5e-3, "{off}");
+    // And back at the start it is the line again that is followed, by the posture of the settings.
+    loop_.restart();
+    let states = |run: &mut AnyRun| {
+        (0..1000)
+            .map(|_| {
+                run.advance(None);
+                run.snapshot().q.to_vec()
+            })
+            .collect::<Vec<_>>()
+    };
+    let mut fresh =
+        straight(&format!("replan = {{}}\n{WALL}"), "").prepare_recorded(false).unwrap().run;
+    let differs = states(&mut loop_).iter().zip(&states(&mut fresh)).position(|(a, b)| a != b);
+    assert_eq!(differs, None);
+}

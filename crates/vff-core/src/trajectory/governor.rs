@@ -139,14 +139,7 @@ impl Governor {
         trajectory: &Trajectory<P, M>,
         t: f64,
     ) -> Sample<P, M> {
-        let (delay, change) = self.at(t);
-        let path = trajectory.at(t - delay.lag);
-        let speed = 1.0 - delay.rate;
-        Sample {
-            x: path.x,
-            dx: path.dx * speed,
-            ddx: path.ddx * (speed * speed) - path.dx * change,
-        }
+        trajectory.at_pace(&self.pace(t))
     }
 
     /// Begins the control period at `t` \[s\].

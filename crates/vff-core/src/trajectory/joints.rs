@@ -2,10 +2,11 @@
 
 use super::piecewise;
 use super::spline::{Ends, cubics};
-use super::{KeptMargins, TrajectoryError};
+use super::taking_over::Fading;
+use super::{KeptMargins, Pace, TrajectoryError};
 use crate::interrupt;
 use crate::math::Vector;
-use crate::math::quintic::{horner, quintic};
+use crate::math::quintic::horner;
 
 /// Positions of `n` joints over time: cubics through knots (C²), at rest at the first and at the last of them, where it
 /// stays before and after.
@@ -32,8 +33,10 @@ pub struct JointSpline {
     pieces: Vec<[Vector<1>; 4]>,
     first: Vec<f64>,
     last: Vec<f64>,
-    /// What is left of the motion before.
-    before: Option<Fading>,
+    /// What is left of the motion before, of each joint.
+    before: Vec<Fading<1>>,
+    /// By how much the posture still is elsewhere, of each joint.
+    drawn: Vec<Fading<1>>,
     /// What every link is known to keep on the way.
     margins: Option<KeptMargins>,
 }
@@ -59,14 +62,6 @@ pub struct Peaks {
     pub accelerations: Vec<f64>,
 }
 
-/// By how much the joints are still where another motion has led them: a quintic each, from its start on.
-#[derive(Debug, Clone, PartialEq)]
-struct Fading {
-    start: f64,
-    duration: f64,
-    pieces: Vec<[Vector<1>; 6]>,
-}
-
 impl JointSpline {
     /// Through `points`, one number per joint \[rad or m\], at `times` \[s\].
     ///
@@ -90,7 +85,8 @@ impl JointSpline {
             }
         }
         let (first, last) = (points[0].clone(), points[knots - 1].clone());
-        Ok(Self { times: times.to_vec(), n, pieces, first, last, before: None, margins: None })
+        let (before, drawn) = (vec![], vec![]);
+        Ok(Self { times: times.to_vec(), n, pieces, first, last, before, drawn, margins: None })
     }
 
     /// The same motion, taken over from `old` at time `t` \[s\] without a jump of position, velocity or acceleration: the
@@ -105,8 +101,22 @@ impl JointSpline {
         old.at(t, from.each_mut().map(Vec::as_mut_slice));
         self.at(t, to.each_mut().map(Vec::as_mut_slice));
         let left = |i: usize| [0, 1, 2].map(|k| Vector::<1>::new(from[k][i] - to[k][i]));
-        let pieces = (0..self.n).map(|i| quintic(left(i), [Vector::zeros(); 3], duration));
-        self.before = Some(Fading { start: t, duration, pieces: pieces.collect() });
+        self.before = (0..self.n).map(|i| Fading::new(t, duration, left(i))).collect();
+        self
+    }
+
+    /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], and is where the joints are
+    /// `duration` \[s\], > 0, later ([`posture_at`](Self::posture_at)).
+    ///
+    /// # Panics
+    /// If `q` has not a number for each joint.
+    #[must_use]
+    pub fn drawing_from(mut self, q: &[f64], t: f64, duration: f64) -> Self {
+        let mut there = [0; 3].map(|_| vec![0.0; self.n]);
+        self.at(t, there.each_mut().map(Vec::as_mut_slice));
+        let [x, dx, ddx] = &there;
+        let left = |i: usize| [q[i] - x[i], -dx[i], -ddx[i]].map(Vector::<1>::new);
+        self.drawn = (0..self.n).map(|i| Fading::new(t, duration, left(i))).collect();
         self
     }
 
@@ -117,6 +127,19 @@ impl JointSpline {
     pub fn keeping(mut self, margins: &[Vec<f64>]) -> Result<Self, TrajectoryError> {
         self.margins = Some(KeptMargins::new(&self.times, margins, self.n)?);
         Ok(self)
+    }
+
+    /// The same motion, on which at time `t` \[s\] every link still keeps what it has kept until then: what it keeps along `old`, or
+    /// `usual` \[m\], which is the most.
+    #[must_use]
+    pub fn keeping_on(mut self, old: Option<&Self>, usual: f64, t: f64, duration: f64) -> Self {
+        let mut kept = vec![[usual, 0.0, 0.0]; self.n];
+        if let Some(margins) = old.and_then(Self::margins) {
+            margins.at(&Pace::of_time(t), usual, &mut kept);
+        }
+        let before: Vec<f64> = kept.iter().map(|[value, ..]| *value).collect();
+        self.margins = self.margins.map(|own| own.coming_from(&before, usual, t, duration));
+        self
     }
 
     /// What every link is known to keep on the way.
@@ -185,16 +208,16 @@ impl JointSpline {
     /// If one of the slices has not a number for each joint.
     pub fn at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
         self.on_spline(t, [&mut *q, &mut *dq, &mut *ddq]);
-        let Some(Fading { start, duration, pieces }) = &self.before else { return };
-        let since = t - start;
-        if (0.0..*duration).contains(&since) {
-            for (joint, piece) in pieces.iter().enumerate() {
-                let left = horner(piece, since);
-                q[joint] += left.x[0];
-                dq[joint] += left.dx[0];
-                ddq[joint] += left.ddx[0];
-            }
-        }
+        add(&self.before, t, [q, dq, ddq]);
+    }
+
+    /// The same of the posture that the null space is drawn to. Does not allocate.
+    ///
+    /// # Panics
+    /// If one of the slices has not a number for each joint.
+    pub fn posture_at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
+        self.at(t, [&mut *q, &mut *dq, &mut *ddq]);
+        add(&self.drawn, t, [q, dq, ddq]);
     }
 
     fn on_spline(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
@@ -212,6 +235,16 @@ impl JointSpline {
             let at = horner(piece, since);
             (q[joint], dq[joint], ddq[joint]) = (at.x[0], at.dx[0], at.ddx[0]);
         }
+    }
+}
+
+/// Adds what is left at time `t` \[s\] of each joint.
+fn add(fading: &[Fading<1>], t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
+    for (joint, fading) in fading.iter().enumerate() {
+        let Some([x, dx, ddx]) = fading.at(t) else { return };
+        q[joint] += x[0];
+        dq[joint] += dx[0];
+        ddq[joint] += ddx[0];
     }
 }
 
@@ -358,5 +391,19 @@ mod tests {
         // A motion that is being taken over is taken over like any other.
         let three = one.clone().taking_over(&both, 0.9, 0.5);
         close(at(&three, 0.9), at(&both, 0.9), 1e-12);
+        // A posture comes from rest, and the joints do not care.
+        let drawn = both.clone().drawing_from(&[0.3, -0.2], 0.8, 0.5);
+        let posture = |t: f64| {
+            let mut state = [0; 3].map(|_| vec![0.0; 2]);
+            drawn.posture_at(t, state.each_mut().map(Vec::as_mut_slice));
+            state
+        };
+        close(posture(0.8), [vec![0.3, -0.2], vec![0.0; 2], vec![0.0; 2]], 1e-12);
+        assert_eq!((at(&drawn, 0.8), posture(1.31)), (at(&both, 0.8), at(&both, 1.31)));
+        let [before, now, after] = [1.0 - h, 1.0, 1.0 + h].map(posture);
+        for i in 0..2 {
+            assert!(((after[0][i] - before[0][i]) / (2.0 * h) - now[1][i]).abs() < 1e-6);
+            assert!(((after[1][i] - before[1][i]) / (2.0 * h) - now[2][i]).abs() < 1e-5);
+        }
     }
 }

@@ -1,7 +1,9 @@
 //! What every link keeps along a plan: a uniform cubic B-spline that stays below what was said at the knots (T151).
 
 use super::piecewise;
+use super::taking_over::Fading;
 use super::{Pace, TrajectoryError};
+use crate::math::Vector;
 
 /// Control points reach over so many knots to either side.
 const REACH: usize = 2;
@@ -24,6 +26,8 @@ pub struct KeptMargins {
     /// The least of the knots around, of all links at the first knot, then of all at the next \[m\].
     control: Vec<f64>,
     links: usize,
+    /// How much more is still kept because it was before, of each link.
+    before: Vec<Fading<1>>,
 }
 
 impl KeptMargins {
@@ -48,12 +52,40 @@ impl KeptMargins {
                 around.iter().map(|margin| margin[link]).fold(f64::INFINITY, f64::min)
             }));
         }
-        Ok(Self { times: times.to_vec(), control, links })
+        Ok(Self { times: times.to_vec(), control, links, before: vec![] })
+    }
+
+    /// The same, of which at time `t` \[s\] each link still keeps what it has kept until then, `before` \[m\], and `duration` \[s\], > 0,
+    /// later what it is known to keep, no more than `most` \[m\].
+    ///
+    /// # Panics
+    /// If `before` has not a number for each link.
+    #[must_use]
+    pub fn coming_from(mut self, before: &[f64], most: f64, t: f64, duration: f64) -> Self {
+        let mut kept = vec![[0.0; 3]; self.links];
+        self.known_at(&Pace::of_time(t), most, &mut kept);
+        let left = |(before, [now, rate, change]): (&f64, &[f64; 3])| {
+            let left = [before - now, -rate, -change].map(Vector::<1>::new);
+            Fading::new(t, duration, left)
+        };
+        self.before = before.iter().zip(&kept).map(left).collect();
+        self
     }
 
     /// What each link keeps at `pace` \[m\], no more than `most`, with its first and second derivative in time. Does not
     /// allocate.
     pub fn at(&self, pace: &Pace, most: f64, kept: &mut [[f64; 3]]) {
+        self.known_at(pace, most, kept);
+        for (before, [value, rate, change]) in self.before.iter().zip(kept) {
+            let Some([x, dx, ddx]) = before.at(pace.time) else { return };
+            *value += x[0];
+            *rate += dx[0] * pace.speed;
+            *change += ddx[0] * pace.speed * pace.speed + dx[0] * pace.change;
+        }
+    }
+
+    /// The same without what is kept because it was before.
+    pub fn known_at(&self, pace: &Pace, most: f64, kept: &mut [[f64; 3]]) {
         let [first, last] = [self.times[0], self.times[self.times.len() - 1]];
         let i = self.times[1..self.times.len() - 1].partition_point(|time| *time <= pace.time);
         let duration = self.times[i + 1] - self.times[i];

@@ -25,6 +25,11 @@ impl<const M: usize> Line<M> {
         }
     }
 
+    /// When it comes to rest \[s\].
+    pub(super) fn duration(&self) -> f64 {
+        self.duration
+    }
+
     #[inline]
     pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         // Clamped time is all that a hold needs: both derivatives vanish at s = 0 and s = 1.

@@ -16,6 +16,7 @@ mod polynomial;
 pub mod space;
 mod spline;
 mod table;
+mod taking_over;
 mod waypoints;
 
 pub use error::TrajectoryError;
@@ -27,6 +28,7 @@ pub use space::SpatialReference;
 
 use crate::math::{Pose, Vector};
 use std::fmt::Debug;
+use taking_over::Remainder;
 
 /// The reference at one instant.
 ///
@@ -88,7 +90,7 @@ pub trait Guided<const M: usize>: Pose<M> {
     /// A reference, as it is described in a scenario.
     type Reference;
     /// A reference, ready to be evaluated.
-    type Curve: Clone + Debug + PartialEq;
+    type Curve: Clone + Debug + PartialEq + Send;
 
     /// Prepares `reference` for an end effector that is at `start` at t = 0.
     ///
@@ -104,6 +106,21 @@ pub trait Guided<const M: usize>: Pose<M> {
     fn leave(state: &Sample<Self, M>, t: f64, goal: &[f64], rate: f64) -> Self::Curve;
     /// The plan that `reference` describes, if it is one.
     fn plan(reference: &Self::Reference) -> Option<Knots<'_>>;
+    /// From when on the curve is at rest for good \[s\]; None if it never is.
+    fn rests_from(curve: &Self::Curve) -> Option<f64>;
+
+    /// `sample` with so much more of pose, velocity and acceleration: coordinates of the position before those of the orientation, in
+    /// world axes (T179).
+    fn displaced(sample: &Sample<Self, M>, by: &[Vector<6>; 3]) -> Sample<Self, M> {
+        let [x, dx, ddx] = by.each_ref().map(|by| by.fixed_rows::<M>(0).into_owned());
+        Sample { x: sample.x.moved(&x), dx: sample.dx + dx, ddx: sample.ddx + ddx }
+    }
+
+    /// What makes `there` of `sample` (T179).
+    fn displacement(there: &Sample<Self, M>, sample: &Sample<Self, M>) -> [Vector<6>; 3] {
+        [there.x.error(&sample.x), there.dx - sample.dx, there.ddx - sample.ddx]
+            .map(|between| Vector::from_fn(|i, _| if i < M { between[i] } else { 0.0 }))
+    }
 }
 
 /// The knots of a plan.
@@ -162,6 +179,8 @@ pub trait PlannedReference<P, const M: usize>: Debug + Send {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory<P: Guided<M>, const M: usize> {
     path: Path<P, M>,
+    /// What is left of the reference before, by which this one is displaced.
+    before: Option<Box<Remainder>>,
 }
 
 /// What says where the end effector has to be.
@@ -201,12 +220,47 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
     /// When a list does not fit the task or another list, when an orientation is missing or of no use, when
     /// times or a duration are unusable. That numbers are finite is not checked here.
     pub fn new(reference: &P::Reference, start: &P) -> Result<Self, TrajectoryError> {
-        Ok(Self { path: Path::Curve(P::curve(reference, start)?) })
+        Ok(Self { path: Path::Curve(P::curve(reference, start)?), before: None })
     }
 
     /// The reference of a plan.
     pub fn of_plan(planned: Box<dyn PlannedReference<P, M>>) -> Self {
-        Self { path: Path::Plan(planned) }
+        Self { path: Path::Plan(planned), before: None }
+    }
+
+    /// The same reference, which takes the place of `old` at `pace` of both without a jump of pose, velocity or acceleration: of what
+    /// is between them then, less and less is added within `duration` \[s\] of their time, > 0 (T179).
+    #[must_use]
+    pub fn taking_over(mut self, old: &Self, pace: &Pace, duration: f64) -> Self {
+        self.before = None;
+        let left = P::displacement(&old.at_pace(pace), &self.at_pace(pace));
+        self.before = Some(Box::new(Remainder::new(pace.time, duration, left)));
+        self
+    }
+
+    /// The same reference, displaced as `other` is.
+    #[must_use]
+    pub fn displaced_like(mut self, other: &Self) -> Self {
+        self.before.clone_from(&other.before);
+        self
+    }
+
+    /// How far in `D` dimensions an end effector is off it at time `t` \[s\] whose error is `error`, but for what is left of the
+    /// reference before: that is no reason to wait \[m\].
+    pub fn way_off<const D: usize>(&self, error: &Vector<M>, t: f64) -> f64 {
+        let off = error.fixed_rows::<D>(0);
+        match self.before.as_ref().and_then(|before| before.at(t)) {
+            Some([x, ..]) => (off + x.fixed_rows::<D>(0)).norm(),
+            None => off.norm(),
+        }
+    }
+
+    /// From when on it is at rest for good \[s\]; None if it never is.
+    pub fn rests_from(&self) -> Option<f64> {
+        match &self.path {
+            Path::Curve(curve) => P::rests_from(curve),
+            Path::Plan(plan) => Some(plan.joints().span()[1]),
+        }
     }
 
     /// The joints of the plan that it is, if it is one.
@@ -221,17 +275,39 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
     /// Leaves the reference at time `t` \[s\] for `goal`, see [`Guided::aim`].
     pub fn aim(&mut self, t: f64, goal: &[f64], rate: f64) {
         self.path = Path::Curve(match &self.path {
-            Path::Curve(curve) => P::aim(curve, t, goal, rate),
-            Path::Plan(plan) => P::leave(&plan.at(t), t, goal, rate),
+            Path::Curve(curve) if self.before.is_none() => P::aim(curve, t, goal, rate),
+            _ => P::leave(&self.at(t), t, goal, rate),
         });
+        self.before = None;
     }
 
     /// The reference at time `t` \[s\]. Does not allocate.
     #[inline]
     pub fn at(&self, t: f64) -> Sample<P, M> {
+        self.with_remainder(self.on_path(t), t)
+    }
+
+    /// The same at `pace`: ẋ_r = x′σ̇ and ẍ_r = x″σ̇² + x′σ̈ (T74).
+    #[inline]
+    pub fn at_pace(&self, pace: &Pace) -> Sample<P, M> {
+        let Sample { x, dx, ddx } = self.on_path(pace.time);
+        let ddx = ddx * (pace.speed * pace.speed) + dx * pace.change;
+        self.with_remainder(Sample { x, dx: dx * pace.speed, ddx }, pace.time)
+    }
+
+    #[inline]
+    fn on_path(&self, t: f64) -> Sample<P, M> {
         match &self.path {
             Path::Curve(curve) => P::at(curve, t),
             Path::Plan(plan) => plan.at(t),
+        }
+    }
+
+    #[inline]
+    fn with_remainder(&self, sample: Sample<P, M>, t: f64) -> Sample<P, M> {
+        match self.before.as_ref().and_then(|before| before.at(t)) {
+            Some(left) => P::displaced(&sample, &left),
+            None => sample,
         }
     }
 }

@@ -33,6 +33,11 @@ impl<const M: usize, const K: usize> Piecewise<M, K> {
         }
     }
 
+    /// The instant of the last knot \[s\].
+    pub(super) fn end(&self) -> f64 {
+        self.times[self.pieces.len()]
+    }
+
     /// The first and the last knot themselves belong to the pieces, not to the holds.
     #[inline]
     pub(super) fn at(&self, t: f64) -> Coordinates<M> {

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vffnull.draw import replans, style
+from vffnull.draw.scene import ghost
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome
@@ -29,11 +30,12 @@ def angles(ax: Axes, result: Outcome) -> list[Line2D]:
     """
     style.joint_lines(ax, result.t, result.q)
     plan: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (4, 2))}
-    if result.q_plan is not None:
+    has_plan = ghost(result) is not None
+    if result.q_plan is not None and has_plan:
         style.joint_lines(ax, result.t, result.q_plan, **plan)
     unit = result.layout.units("q", result.q.shape[1:])
     ax.set_ylabel(f"joint {'angle' if unit == 'rad' else 'position'} [{unit}]")
-    return [] if result.q_plan is None else [Line2D([], [], color=style.INK, label="plan", **plan)]
+    return [Line2D([], [], color=style.INK, label="plan", **plan)] if has_plan else []
 
 
 def joint_torques(result: Outcome) -> Figure:

@@ -20,7 +20,7 @@ from vffnull.draw.primitives import COLOURS
 from vffnull.draw.report.arrows import all_arrows
 from vffnull.draw.report.figures import Run
 from vffnull.draw.report.packed import packed
-from vffnull.draw.scene import Scene, travels
+from vffnull.draw.scene import Scene, ghost, travels
 from vffnull.draw.shapes import Part
 
 Array = NDArray[Any]
@@ -48,8 +48,9 @@ def pack(run: Run) -> dict[str, Any]:
         for i in range(len(scene.cores))
     ]
     links = [_link(part, poses) for part in scene.parts]
-    if scene.plan and arm.dimension == 3 and result.q_plan is not None:
-        planned = arm.link_poses(result.q_plan[rows])
+    joints = ghost(result)
+    if scene.plan and arm.dimension == 3 and joints is not None:
+        planned = arm.link_poses(joints[rows])
         links += [_link(part, planned, "plan", len(frames), SLIM) for part in scene.plan]
         frames += [_frame(pose[:, :3, 3], pose[:, :3, :3]) for pose in np.moveaxis(planned, 1, 0)]
     wanted = result.orientation_ref

@@ -116,7 +116,8 @@ class Scene(ABC):
         self._made = 0
         self.influence = 0.0
         self._add_surroundings(scenario)
-        follows = scenario.to_dict()["reference"]["kind"] == "plan"
+        document = scenario.to_dict()
+        follows = document["reference"]["kind"] == "plan" or document.get("replan") is not None
         self._arms = Arms(self._add_arm, self._place_arm, self.FREE, follows)
         for i, parts in enumerate(self._arms.links):
             for part in parts:

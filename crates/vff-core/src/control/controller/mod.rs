@@ -214,6 +214,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.reset();
         if let Some(preview) = &mut self.preview {
             preview.reset();
+            preview.rest_at_posture_of(&self.reactive.gains);
         }
     }
 

@@ -548,6 +548,10 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         if let Some(reaction) = &mut self.reaction {
             reaction.forget();
         }
+        if let Some(moving) = &mut self.moving {
+            moving.forget();
+            self.gains.forget_posture();
+        }
         self.tank = self.gains.tank.map(Tank::new);
     }
 

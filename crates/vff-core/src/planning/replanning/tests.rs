@@ -7,14 +7,25 @@ use crate::world::plane::World as PlanarWorld;
 
 fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Reason> {
     let joints = JointSpline::new(&[0.0, 10.0], &[vec![0.0, 0.0], vec![1.0, -1.0]]).unwrap();
-    let world = PlanarWorld::new(vec![]);
     let mut state = [0; 3].map(|_| vec![0.0; 2]);
     joints.at(t, state.each_mut().map(Vec::as_mut_slice));
     let [planned, ..] = &state;
-    let (joints, world) = (&joints, &world);
-    let moment =
-        Moment::<Plane, 2, 2> { t, since: t, path_time: t, q, planned, error, joints, world };
-    progress.look(&moment, &ReplanSettings::default())
+    let settings = ReplanSettings::default();
+    let place = Place {
+        is_off: error > settings.tolerance,
+        from_plan: farthest(q, planned.iter()),
+        left: farthest(joints.last(), q.iter()),
+    };
+    progress.look(t, place, &settings)
+}
+
+/// An error of orientation counts as the way of a point 0.4 m away.
+#[test]
+fn orientations_count() {
+    let turned = Vector::<6>::new(0.0, 0.01, 0.0, 0.0, 0.3, 0.4);
+    assert!((size::<3, 6>(&turned) - 0.2).abs() < 1e-15);
+    assert_eq!(size::<3, 3>(&Vector::<3>::new(0.0, 3.0, 4.0)), 5.0);
+    assert_eq!(size::<2, 3>(&Vector::<3>::new(0.0, 0.0, -2.0)), 2.0 * LEVER);
 }
 
 /// Stuck is who is off the reference and comes no nearer to the end for as long as patience lasts: counted once, until it
@@ -73,7 +84,8 @@ fn what_moves_is_foreseen() {
     .unwrap();
     let crate::scenario::AnyScene::Plane(scene) = &plain.scene else { unreachable!() };
     let (closed_loop, _) = plain.closed_loop::<Plane, 2, 2>(scene).unwrap();
-    let plan = closed_loop.plan().unwrap().clone();
+    let reference = closed_loop.reference();
+    let plan = reference.joints().unwrap();
     let disc = |position: Vector<2>, velocity: Vector<2>| Obstacle {
         shape: Shape::Circle { radius: 0.2 },
         position: position.into(),
@@ -94,13 +106,18 @@ fn what_moves_is_foreseen() {
         let mut ahead = Ahead::<Plane, 2, 2>::new(closed_loop.arm().state(), world);
         let look = |k: u32| {
             let t = 1e-3 * f64::from(k);
-            let q = &[0.2, 0.3, 0.3, 0.3];
-            let joints = &plan;
-            ahead.look(
-                &Moment { t, since: t, path_time: t, q, planned: q, error: 0.0, joints, world },
-                &settings,
-                0.0,
-            )
+            let (q, error) = (&[0.2, 0.3, 0.3, 0.3], &Vector::zeros());
+            let moment = Moment {
+                t,
+                since: t,
+                pace: Pace::of_time(t),
+                q,
+                posture: &[],
+                error,
+                reference,
+                world,
+            };
+            ahead.look(&moment, &settings, 0.0)
         };
         (0..110).map(look).fold(f64::INFINITY, f64::min)
     };

@@ -31,7 +31,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         Self { trajectory, governor: None, replanning: None, begins: Some(0.0) }
     }
 
-    /// From now on `replanning` watches over the plan, in a thread of its own.
+    /// From now on `replanning` watches over it, in a thread of its own.
     pub(super) fn watch(&mut self, mut replanning: Box<dyn Replan<S, D, M>>) {
         replanning.plan_beside();
         self.replanning = Some(replanning);
@@ -52,13 +52,24 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         S::State: Manipulator<D, M, Pose = S::Pose> + 'static,
     {
         if let Some(joints) = self.trajectory.joints() {
-            self.trajectory = follow_plan::<S::State, D, M>(robot.clone(), joints.clone());
+            let led = follow_plan::<S::State, D, M>(robot.clone(), joints.clone());
+            self.trajectory = led.displaced_like(&self.trajectory);
         }
+    }
+
+    /// What is followed.
+    pub(super) fn trajectory(&self) -> &Trajectory<S::Pose, M> {
+        &self.trajectory
     }
 
     /// The plan, if it is one.
     pub(super) fn joints(&self) -> Option<&JointSpline> {
         self.trajectory.joints()
+    }
+
+    /// Whether it is a plan, or may become one.
+    pub(super) fn has_plans(&self) -> bool {
+        self.joints().is_some() || self.replanning.is_some()
     }
 
     /// The searches for another plan so far.
@@ -151,18 +162,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         controller: &Controller<S::State, D, M>,
         world: &World<S::Geometry, D>,
     ) {
-        let error = controller.error().fixed_rows::<D>(0).norm();
+        let pace = self.pace(t - self.begins.unwrap_or(t));
+        let error = controller.error();
         if let Some(governor) = &mut self.governor {
-            governor.hear(error);
+            governor.hear(self.trajectory.way_off::<D>(error, pace.time));
         }
-        let path_time = self.path_time(t);
         let Self { trajectory, replanning: Some(replanning), .. } = self else { return };
-        let (Some(joints), Some(planned)) = (trajectory.joints(), controller.moved_posture())
-        else {
-            return;
-        };
         let q = controller.robot().configuration();
-        let moment = Moment { t, since, path_time, q, planned, error, joints, world };
+        let posture = &controller.gains().posture;
+        let moment = Moment { t, since, pace, q, posture, error, reference: trajectory, world };
         if let Some(found) = replanning.look(&moment) {
             *trajectory = found;
         }

@@ -507,8 +507,11 @@ pub trait ErasedController: Debug + Send {
     /// with `governor` it waits. None without such a reference.
     fn path_time(&self) -> Option<f64>;
 
-    /// Where the plan that this reference is has the joints \[rad, m\], (n); None if it is none.
+    /// Where the plan that this reference is has the joints \[rad, m\], (n); None as long as it is none.
     fn planned(&self) -> Option<&[f64]>;
+
+    /// Whether this reference is a plan, or may become one.
+    fn has_plans(&self) -> bool;
 
     /// The searches for another plan so far.
     fn replans(&self) -> &[Replanned];

@@ -451,6 +451,10 @@ where
         self.followed.as_ref()?.joints().and(self.controller.moved_posture())
     }
 
+    fn has_plans(&self) -> bool {
+        self.followed.as_ref().is_some_and(|followed| followed.has_plans())
+    }
+
     fn replans(&self) -> &[Replanned] {
         self.followed.as_ref().map_or(&[], |followed| followed.searches())
     }

@@ -199,7 +199,7 @@ impl<D: Driver> Loop<D> {
         if controller.has_reference() {
             columns.push(("path_time", 1));
         }
-        if controller.planned().is_some() {
+        if controller.has_plans() {
             columns.push(("q_plan", n));
         }
         let layout = Layout(columns);
@@ -545,7 +545,10 @@ impl Inner {
         }
         put(controller.external_torque().unwrap_or_default());
         put(controller.path_time().as_slice());
-        put(controller.planned().unwrap_or_default());
+        match controller.planned() {
+            Some(q) => put(q),
+            None => rest.fill(f64::NAN),
+        }
         exchange.show(row);
         exchange.count(controller.left_out());
         if options.record_every == 0 {

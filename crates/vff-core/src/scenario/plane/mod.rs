@@ -44,6 +44,11 @@ impl FromDocument<2> for Plane {
         matches!(reference, Reference::Plan { .. })
     }
 
+    fn comes_to_rest(reference: &Reference) -> bool {
+        use Reference::{Circle, Lissajous, Polynomial};
+        !matches!(reference, Circle { .. } | Lissajous { .. } | Polynomial { .. })
+    }
+
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         obstacle.shape.check()?;
         let Obstacle { angle, angular_velocity, motion, position, .. } = obstacle;

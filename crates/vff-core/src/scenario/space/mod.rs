@@ -44,6 +44,11 @@ impl FromDocument<3> for Space {
         matches!(reference, SpatialReference::Plan { .. })
     }
 
+    fn comes_to_rest(reference: &SpatialReference) -> bool {
+        use SpatialReference::{Circle, Lissajous, Polynomial};
+        !matches!(reference, Circle { .. } | Lissajous { .. } | Polynomial { .. })
+    }
+
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         obstacle.shape.check()?;
         let Obstacle { orientation, angular_velocity, motion, position, .. } = obstacle;

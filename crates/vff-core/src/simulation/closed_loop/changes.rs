@@ -3,7 +3,7 @@
 use super::*;
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
-    /// From now on `replanning` watches over the plan that the reference is.
+    /// From now on `replanning` watches over the reference.
     pub fn set_replanning(&mut self, replanning: Box<dyn Replan<S, D, M>>) {
         self.replanning = Some(replanning);
     }
@@ -20,9 +20,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
     }
 
-    /// The plan that the reference is, if it is one.
-    pub fn plan(&self) -> Option<&JointSpline> {
-        self.stack.trajectory.joints()
+    /// The reference.
+    pub fn reference(&self) -> &Trajectory<S::Pose, M> {
+        &self.stack.trajectory
     }
 
     pub(super) fn follow(&mut self, trajectory: &Trajectory<S::Pose, M>) {
@@ -31,21 +31,21 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
     }
 
-    /// Where a control period begins: another plan, if there is one, from the next step on.
+    /// Where a control period begins: a plan, if there is one, from the next step on.
     #[inline(never)]
     pub(super) fn replan(&mut self) {
-        let (t, path_time) = (self.time(), self.path_time());
+        let t = self.time();
+        let pace = self.governor.as_ref().map_or(Pace::of_time(t), |governor| governor.pace(t));
         let Self { replanning, stack: ControlStack { controller, world, trajectory }, .. } = self;
-        let (Some(replanning), Some(joints)) = (replanning, trajectory.joints()) else { return };
-        let Some(planned) = controller.moved_posture() else { return };
+        let Some(replanning) = replanning else { return };
         let found = replanning.look(&Moment {
             t,
             since: t,
-            path_time: path_time.unwrap_or(t),
+            pace,
             q: controller.robot().configuration(),
-            planned,
-            error: controller.error().fixed_rows::<D>(0).norm(),
-            joints,
+            posture: &controller.gains().posture,
+            error: controller.error(),
+            reference: trajectory,
             world,
         });
         if let Some(trajectory) = found {

@@ -41,6 +41,10 @@ impl Guided<2> for Vector<2> {
     fn plan(reference: &Reference) -> Option<Knots<'_>> {
         reference.plan()
     }
+
+    fn rests_from(curve: &Self::Curve) -> Option<f64> {
+        curve.rests_from()
+    }
 }
 
 /// A position and an orientation in the plane.
@@ -72,6 +76,10 @@ impl Guided<3> for PlanarPose {
 
     fn plan(reference: &Reference) -> Option<Knots<'_>> {
         reference.plan()
+    }
+
+    fn rests_from(curve: &Self::Curve) -> Option<f64> {
+        curve.rests_from()
     }
 }
 

@@ -8,8 +8,8 @@ mod tests;
 
 use super::{Guided, Knots, Sample, TrajectoryError};
 use crate::math::quintic::Coordinates;
-use crate::math::rotation::UnitQuaternion;
-use crate::math::{Pointing, SpatialPose, Vector};
+use crate::math::rotation::{OrientationError, UnitQuaternion};
+use crate::math::{Pointing, Pose, SpatialPose, Vector};
 use orientation::{Orientation, Turning};
 use position::Position;
 
@@ -39,6 +39,10 @@ impl PoseCurve {
             position: self.position.aim(t, goal, rate),
             orientation: self.orientation.rest(t, turned(goal), rate),
         }
+    }
+
+    fn rests_from(&self) -> Option<f64> {
+        Some(self.position.rests_from()?.max(self.orientation.rests_from()?))
     }
 
     /// The same from `x`, with its rates in world axes.
@@ -88,6 +92,10 @@ impl Guided<3> for Vector<3> {
     fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
         reference.plan()
     }
+
+    fn rests_from(curve: &PositionCurve) -> Option<f64> {
+        curve.0.rests_from()
+    }
 }
 
 /// A position and the direction of the tool; see [`Sample::in_world_axes`] for the derivatives.
@@ -113,15 +121,35 @@ impl Guided<5> for Pointing {
 
     /// What turns about the tool's z axis is not known of the state, and stops.
     fn leave(state: &Sample<Self, 5>, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
-        let own = |rates: &Vector<5>| {
-            let turning = Vector::<3>::new(rates[3], rates[4], 0.0);
-            stacked(&rates.fixed_rows::<3>(0).into(), &state.x.0.orientation().rotate(&turning))
-        };
-        PoseCurve::leave(&state.x.0, [own(&state.dx), own(&state.ddx)], t, goal, rate)
+        PoseCurve::leave(&state.x.0, in_world_axes(state), t, goal, rate)
     }
 
     fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
         reference.plan()
+    }
+
+    fn rests_from(curve: &PoseCurve) -> Option<f64> {
+        curve.rests_from()
+    }
+
+    fn displaced(sample: &Sample<Self, 5>, by: &[Vector<6>; 3]) -> Sample<Self, 5> {
+        let [turn, dx, ddx] = by;
+        let rates = in_world_axes(sample);
+        Sample::<Self, 5>::in_world_axes(
+            sample.x.0.moved(turn),
+            &(rates[0] + dx),
+            &(rates[1] + ddx),
+        )
+    }
+
+    /// The smallest turn that leads from axis to axis.
+    fn displacement(there: &Sample<Self, 5>, sample: &Sample<Self, 5>) -> [Vector<6>; 3] {
+        let [from, to] = [sample, there].map(in_world_axes);
+        let (x, old) = (sample.x.0, there.x.0);
+        let turn = old.orientation().pointing_error(&x.orientation(), OrientationError::Logarithm);
+        let turn = old.orientation().rotate(&Vector::<3>::new(turn.x, turn.y, 0.0));
+        let way = stacked(&(old.position() - x.position()), &turn);
+        [way, to[0] - from[0], to[1] - from[1]]
     }
 }
 
@@ -156,6 +184,16 @@ impl Guided<6> for SpatialPose {
     fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
         reference.plan()
     }
+
+    fn rests_from(curve: &PoseCurve) -> Option<f64> {
+        curve.rests_from()
+    }
+
+    fn displacement(there: &Sample<Self, 6>, sample: &Sample<Self, 6>) -> [Vector<6>; 3] {
+        let turn = (there.x.orientation() * sample.x.orientation().inverse()).log();
+        let way = stacked(&(there.x.position() - sample.x.position()), &turn);
+        [way, there.dx - sample.dx, there.ddx - sample.ddx]
+    }
 }
 
 impl Sample<Pointing, 5> {
@@ -166,6 +204,15 @@ impl Sample<Pointing, 5> {
         let [dx, ddx] = x.seen_in_world_axes(dx, ddx);
         Self { x, dx, ddx }
     }
+}
+
+/// Rates of a direction in world axes, with whose pose nothing turns about z.
+fn in_world_axes(sample: &Sample<Pointing, 5>) -> [Vector<6>; 2] {
+    [&sample.dx, &sample.ddx].map(|rates| {
+        let turning = Vector::<3>::new(rates[3], rates[4], 0.0);
+        let turning = sample.x.0.orientation().rotate(&turning);
+        stacked(&rates.fixed_rows::<3>(0).into(), &turning)
+    })
 }
 
 /// Linear components, then angular ones.

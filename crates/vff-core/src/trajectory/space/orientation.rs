@@ -157,6 +157,18 @@ impl Orientation {
         }
     }
 
+    /// From when on it is at rest for good \[s\].
+    pub(super) fn rests_from(&self) -> Option<f64> {
+        match &self.0 {
+            Kind::Constant(_) => Some(f64::NEG_INFINITY),
+            Kind::Geodesic(geodesic) => Some(geodesic.1.duration()),
+            Kind::Waypoints(quintics) => Some(quintics.end()),
+            Kind::Table(cubics) => Some(cubics.end()),
+            Kind::Resting(resting) => Some(resting.1.rests_from()),
+            Kind::Uniform(..) => None,
+        }
+    }
+
     /// Comes to rest in the orientation `goal`, or in the one that it has at time `t` \[s\], with the pole `rate` \[1/s\].
     pub(super) fn rest(&self, t: f64, goal: Option<UnitQuaternion>, rate: f64) -> Self {
         self.at(t).rest(t, goal, rate)

@@ -100,6 +100,18 @@ impl Position {
         }
     }
 
+    /// From when on it is at rest for good \[s\].
+    pub(super) fn rests_from(&self) -> Option<f64> {
+        match &self.0 {
+            Kind::Point(_) => Some(f64::NEG_INFINITY),
+            Kind::Line(line) => Some(line.duration()),
+            Kind::Waypoints(quintics) => Some(quintics.end()),
+            Kind::Table(cubics) => Some(cubics.end()),
+            Kind::Filtered(filter) => Some(filter.rests_from()),
+            Kind::Polynomial(..) | Kind::Circle(_) | Kind::Lissajous(_) => None,
+        }
+    }
+
     /// From where it is at time `t` \[s\] on to the point whose first coordinates are `goal`.
     pub(super) fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
         Self::leave(self.at(t), t, goal, rate)

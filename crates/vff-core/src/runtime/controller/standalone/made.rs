@@ -58,7 +58,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         Ok(this)
     }
 
-    /// The same, which plans anew in another thread where the plan leads nowhere any more, if the scenario says so.
+    /// The same, which plans in another thread where the reference leads nowhere, if the scenario says so.
     pub fn replanning(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Self, ScenarioError>
     where
         S: CheckReach<D, M> + 'static,
@@ -66,11 +66,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     {
         let mut this = Self::of(scenario, scene)?;
         let Self { followed, world, .. } = &mut this;
-        if let (Some(settings), Some(followed)) = (&scenario.replan, followed)
-            && let Some(plan) = followed.joints()
-        {
+        if let (Some(settings), Some(followed)) = (&scenario.replan, followed) {
             let arm = Arc::new(S::arm(&scene.arm)?);
-            let replanner = Replanner::<S, D, M>::new(settings, scenario, (&arm, world), plan)?;
+            let reference = followed.trajectory();
+            let replanner =
+                Replanner::<S, D, M>::new(settings, scenario, (&arm, world), reference)?;
             followed.watch(Box::new(replanner));
         }
         Ok(this)
