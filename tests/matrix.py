@@ -206,7 +206,8 @@ OPTIONS: dict[str, Option] = {
     "smooth motion": Option(_smooth),
     "governor": Option(lambda _: {"controller.governor": {}}),
     "replanning": Option(
-        lambda _: {"replan": {}}, ("needs a reference that comes to rest", "slides without an end")
+        lambda _: {"replan": {}},
+        ("needs a reference that comes to rest", "needs obstacles that are known", "slides without an end"),
     ),
     "order": Option(_order),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
@@ -347,7 +348,11 @@ def faults(result: vff.Result, options: Sequence[str], alone: vff.Result) -> Ite
     exact = all(OPTIONS[each].exact for each in options)
     # -- whatever is on
     for quantity, values in result.recorded().items():
-        if quantity not in MAY_BE_INFINITE and not np.isfinite(values).all():
+        if quantity == "q_plan" and document["reference"]["kind"] != "plan":
+            taken = [search.taken for search in result.replans if search.taken is not None]
+            if (np.isfinite(values).all(axis=1) != (result.t > min(taken, default=np.inf))).any():
+                yield "q_plan is not there from the first plan on"
+        elif quantity not in MAY_BE_INFINITE and not np.isfinite(values).all():
             yield f"{quantity} is not finite"
     if result.status not in ("completed", "collided"):
         yield f"{result.status}: {result.message}"

@@ -10,6 +10,8 @@ use crate::trajectory::{JointSpline, Pace};
 pub struct MovingPosture {
     /// q_d, q̇_d and q̈_d \[rad, rad/s, rad/s²\].
     pub state: [Vec<f64>; 3],
+    /// Where the plan has the joints \[rad\], to which the posture may still be on its way.
+    pub planned: Vec<f64>,
     /// The torque at the last [`update_torque`](Self::update_torque) \[N·m\].
     pub torque: Vec<f64>,
     momentum: Vec<f64>,
@@ -39,6 +41,7 @@ impl MovingPosture {
         let zeros = || vec![0.0; n];
         Self {
             state: [0; 3].map(|_| zeros()),
+            planned: zeros(),
             torque: zeros(),
             momentum: zeros(),
             scratch: zeros(),
@@ -86,7 +89,9 @@ impl MovingPosture {
     /// Goes to where the plan is at `pace`: q̇_d = q′σ̇ and q̈_d = q″σ̇² + q′σ̈.
     pub fn go_to(&mut self, joints: &JointSpline, pace: &Pace) {
         self.course = Course::Along;
-        joints.posture_at(pace.time, self.state.each_mut().map(Vec::as_mut_slice));
+        joints.at(pace.time, self.state.each_mut().map(Vec::as_mut_slice));
+        self.planned.copy_from_slice(&self.state[0]);
+        joints.draw(pace.time, self.state.each_mut().map(Vec::as_mut_slice));
         let [_, dq, ddq] = &mut self.state;
         for (dq, ddq) in dq.iter_mut().zip(ddq) {
             *ddq = *ddq * (pace.speed * pace.speed) + *dq * pace.change;

@@ -106,7 +106,7 @@ impl JointSpline {
     }
 
     /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], and is where the joints are
-    /// `duration` \[s\], > 0, later ([`posture_at`](Self::posture_at)).
+    /// `duration` \[s\], > 0, later ([`draw`](Self::draw)).
     ///
     /// # Panics
     /// If `q` has not a number for each joint.
@@ -211,13 +211,12 @@ impl JointSpline {
         add(&self.before, t, [q, dq, ddq]);
     }
 
-    /// The same of the posture that the null space is drawn to. Does not allocate.
+    /// Makes of positions, velocities and accelerations at time `t` \[s\] those of the posture that the null space is drawn to.
     ///
     /// # Panics
     /// If one of the slices has not a number for each joint.
-    pub fn posture_at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
-        self.at(t, [&mut *q, &mut *dq, &mut *ddq]);
-        add(&self.drawn, t, [q, dq, ddq]);
+    pub fn draw(&self, t: f64, state: [&mut [f64]; 3]) {
+        add(&self.drawn, t, state);
     }
 
     fn on_spline(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
@@ -395,7 +394,8 @@ mod tests {
         let drawn = both.clone().drawing_from(&[0.3, -0.2], 0.8, 0.5);
         let posture = |t: f64| {
             let mut state = [0; 3].map(|_| vec![0.0; 2]);
-            drawn.posture_at(t, state.each_mut().map(Vec::as_mut_slice));
+            drawn.at(t, state.each_mut().map(Vec::as_mut_slice));
+            drawn.draw(t, state.each_mut().map(Vec::as_mut_slice));
             state
         };
         close(posture(0.8), [vec![0.3, -0.2], vec![0.0; 2], vec![0.0; 2]], 1e-12);

@@ -126,9 +126,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         }
     }
 
-    /// [`ReactiveController::moved_posture`].
-    pub fn moved_posture(&self) -> Option<&[f64]> {
-        self.reactive.moved_posture()
+    /// [`ReactiveController::planned`].
+    pub fn planned(&self) -> Option<&[f64]> {
+        self.reactive.planned()
     }
 
     /// [`ReactiveController::move_posture`]; the look-ahead takes the posture for one at rest.

@@ -162,9 +162,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
     }
 
-    /// Where the posture was moved to last \[rad or m\], (n); none if it never was.
-    pub fn moved_posture(&self) -> Option<&[f64]> {
-        self.moving.as_ref().map(|moving| moving.state[0].as_slice())
+    /// Where the plan has the joints to which the posture was moved last \[rad or m\], (n); none if it never was.
+    pub fn planned(&self) -> Option<&[f64]> {
+        self.moving.as_ref().map(|moving| moving.planned.as_slice())
     }
 
     /// Lets the posture be that of another controller, at rest.

@@ -448,7 +448,7 @@ where
     }
 
     fn planned(&self) -> Option<&[f64]> {
-        self.followed.as_ref()?.joints().and(self.controller.moved_posture())
+        self.followed.as_ref()?.joints().and(self.controller.planned())
     }
 
     fn has_plans(&self) -> bool {

@@ -202,7 +202,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             dx: dx.as_slice(),
             x_ref: controller.reference().x.as_slice(),
             path_time: self.path_time(),
-            q_plan: self.stack.trajectory.joints().and_then(|_| controller.moved_posture()),
+            q_plan: self.stack.trajectory.joints().and_then(|_| controller.planned()),
             replans: self.replanning.as_ref().map(|replanning| replanning.counts()),
             error: error.as_slice(),
             force: forces.magnitude(),
