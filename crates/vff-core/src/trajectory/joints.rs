@@ -3,7 +3,7 @@
 use super::piecewise;
 use super::spline::{Ends, cubics};
 use super::taking_over::Fading;
-use super::{KeptMargins, Pace, TrajectoryError};
+use super::{KeptMargins, TrajectoryError};
 use crate::interrupt;
 use crate::math::Vector;
 use crate::math::quintic::horner;
@@ -133,12 +133,8 @@ impl JointSpline {
     /// `usual` \[m\], which is the most.
     #[must_use]
     pub fn keeping_on(mut self, old: Option<&Self>, usual: f64, t: f64, duration: f64) -> Self {
-        let mut kept = vec![[usual, 0.0, 0.0]; self.n];
-        if let Some(margins) = old.and_then(Self::margins) {
-            margins.at(&Pace::of_time(t), usual, &mut kept);
-        }
-        let before: Vec<f64> = kept.iter().map(|[value, ..]| *value).collect();
-        self.margins = self.margins.map(|own| own.coming_from(&before, usual, t, duration));
+        let old = old.and_then(Self::margins);
+        self.margins = self.margins.map(|own| own.taking_over(old, usual, t, duration));
         self
     }
 

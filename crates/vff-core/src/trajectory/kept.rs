@@ -3,7 +3,7 @@
 use super::piecewise;
 use super::taking_over::Fading;
 use super::{Pace, TrajectoryError};
-use crate::math::Vector;
+use crate::math::{Vector, smoothstep};
 
 /// Control points reach over so many knots to either side.
 const REACH: usize = 2;
@@ -28,6 +28,8 @@ pub struct KeptMargins {
     links: usize,
     /// How much more is still kept because it was before, of each link.
     before: Vec<Fading<1>>,
+    /// When the plan that says all that was taken over from a reference that said nothing, and for how long that fades \[s\].
+    first: Option<[f64; 2]>,
 }
 
 impl KeptMargins {
@@ -52,24 +54,31 @@ impl KeptMargins {
                 around.iter().map(|margin| margin[link]).fold(f64::INFINITY, f64::min)
             }));
         }
-        Ok(Self { times: times.to_vec(), control, links, before: vec![] })
+        Ok(Self { times: times.to_vec(), control, links, before: vec![], first: None })
     }
 
-    /// The same, of which at time `t` \[s\] each link still keeps what it has kept until then, `before` \[m\], and `duration` \[s\], > 0,
-    /// later what it is known to keep, no more than `most` \[m\].
-    ///
-    /// # Panics
-    /// If `before` has not a number for each link.
+    /// The same, of which at time `t` \[s\] each link still keeps what it has kept until then: what `old` says, or if that says nothing,
+    /// `usual` \[m\], which is the most. `duration` \[s\], > 0, later it keeps what it is known to keep.
     #[must_use]
-    pub fn coming_from(mut self, before: &[f64], most: f64, t: f64, duration: f64) -> Self {
-        let mut kept = vec![[0.0; 3]; self.links];
-        self.known_at(&Pace::of_time(t), most, &mut kept);
-        let left = |(before, [now, rate, change]): (&f64, &[f64; 3])| {
+    pub fn taking_over(mut self, old: Option<&Self>, usual: f64, t: f64, duration: f64) -> Self {
+        let mut before = vec![[usual, 0.0, 0.0]; self.links];
+        let mut kept = before.clone();
+        if let Some(old) = old {
+            old.at(&Pace::of_time(t), usual, &mut before);
+        }
+        self.known_at(&Pace::of_time(t), usual, &mut kept);
+        let left = |([before, ..], [now, rate, change]): (&[f64; 3], &[f64; 3])| {
             let left = [before - now, -rate, -change].map(Vector::<1>::new);
             Fading::new(t, duration, left)
         };
         self.before = before.iter().zip(&kept).map(left).collect();
+        self.first = old.is_none().then_some([t, duration]);
         self
+    }
+
+    /// How much of what is kept at time `t` \[s\] is said by the plan, from 0 to 1.
+    pub fn share(&self, t: f64) -> f64 {
+        self.first.map_or(1.0, |[start, duration]| smoothstep((t - start) / duration))
     }
 
     /// What each link keeps at `pace` \[m\], no more than `most`, with its first and second derivative in time. Does not
@@ -148,6 +157,42 @@ mod tests {
             }
             prop_assert_eq!(read(-1.0)[1..].to_vec(), vec![0.0, 0.0]);
             prop_assert!((read(1.0)[0] - read(0.44)[0]).abs() < 1e-15);
+        }
+    }
+
+    /// What was kept before is kept on at first, whether it was usual or said, and fades with its derivatives, at any pace.
+    #[test]
+    fn what_was_kept_before_fades() {
+        let times: Vec<f64> = (0..30).map(|k| 0.04 * f64::from(k)).collect();
+        let said = |least: f64| {
+            let rows = times.iter().map(|t| vec![least + 0.01 * (9.0 * t).sin().abs()]);
+            KeptMargins::new(&times, &rows.collect::<Vec<_>>(), 1).unwrap()
+        };
+        let (old, new) = (said(0.008), said(0.003));
+        let (usual, h) = (0.02, 1e-6);
+        for before in [None, Some(&old)] {
+            let taken = new.clone().taking_over(before, usual, 0.3, 0.5);
+            let read = |kept: &KeptMargins, t: f64| {
+                let mut found = [[0.0; 3]];
+                kept.at(&Pace { time: t, speed: 0.5, change: 0.0 }, usual, &mut found);
+                found[0]
+            };
+            let wanted = before.map_or(usual, |old| read(old, 0.3)[0]);
+            let [value, rate, bend] = read(&taken, 0.3);
+            assert!((value - wanted).abs() + rate.abs() + bend.abs() < 1e-12);
+            for k in 0..40 {
+                let t = 0.301 + 0.0123 * f64::from(k);
+                let [_, rate, bend] = read(&taken, t);
+                // A second of the clock's time takes two.
+                let [before, after] = [t - 0.5 * h, t + 0.5 * h].map(|t| read(&taken, t));
+                for (k, derivative) in [rate, bend].into_iter().enumerate() {
+                    let slope = (after[k] - before[k]) / (2.0 * h);
+                    assert!((slope - derivative).abs() < 1e-3 * (1.0 + derivative.abs()));
+                }
+            }
+            assert_eq!(read(&taken, 0.81), read(&new, 0.81));
+            let shares = [0.3, 0.55, 0.8].map(|t| taken.share(t));
+            assert_eq!(shares, if before.is_none() { [0.0, 0.5, 1.0] } else { [1.0; 3] });
         }
     }
 }

@@ -31,7 +31,7 @@ impl Margins {
         let known = plan.and_then(|(joints, pace)| Some((joints.margins()?, pace)));
         if let Some((kept, pace)) = known {
             kept.at(pace, self.usual, &mut self.of_links);
-            self.own = OWN_ALONG_PLAN;
+            self.own = OWN_ALONG_PLAN + (1.0 - kept.share(pace.time)) * (OWN - OWN_ALONG_PLAN);
         } else {
             self.of_links.fill([self.usual, 0.0, 0.0]);
             self.own = OWN;

@@ -260,7 +260,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         }
         let (distance, links) = self.nearest_of_its_own(f64::INFINITY)?;
         let links = links.map(|link| self.robot.link_name(link));
-        Some(Obstruction::Own { links, distance })
+        let hulls = self.robot.bodies().any(|body| body.hull.is_some());
+        Some(Obstruction::Own { links, distance, hulls })
     }
 
     /// The two bodies of the arm that are nearest to each other where they must not touch, and their distance \[m\], if that is

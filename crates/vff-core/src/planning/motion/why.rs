@@ -8,8 +8,8 @@ use crate::robot::Limits;
 pub enum Obstruction {
     /// A link and an obstacle, by its number; one that passes by within the horizon only, or one that is there.
     Obstacle { link: String, obstacle: usize, distance: f64, passes: bool },
-    /// Two bodies of the arm.
-    Own { links: [String; 2], distance: f64 },
+    /// Two bodies of the arm, and whether it has hulls of meshes.
+    Own { links: [String; 2], distance: f64, hulls: bool },
 }
 
 /// A length for people.
@@ -37,10 +37,15 @@ impl Obstruction {
                 horizon.unwrap_or(0.0),
                 mm(-distance),
             ),
-            Self::Own { links: [a, b], distance } => format!(
+            Self::Own { links: [a, b], distance, hulls } => format!(
                 "at the {place} {a} is {} inside {b}; another {place} helps, or shapes nearer to the links \
-                 (`collision = \"file\"`), or to `ignore` the pair where these always overlap",
+                 ({}), or to `ignore` the pair where these always overlap",
                 mm((-distance).max(0.0)),
+                if *hulls {
+                    "the mesh of one in several `pieces`"
+                } else {
+                    "`collision = \"file\"`"
+                },
             ),
         }
     }
@@ -85,5 +90,23 @@ impl Heavy {
              a lighter payload, a higher limit or another goal helps",
             100.0 * share,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nobody is advised to take what there is already.
+    #[test]
+    fn shapes_that_help_are_others() {
+        let sentence = |hulls| {
+            let links = ["a", "b"].map(String::from);
+            Obstruction::Own { links, distance: -2e-3, hulls }.sentence("goal", None)
+        };
+        let [capsules, hulls] = [false, true].map(sentence);
+        assert!(capsules.starts_with("at the goal a is 2.00 mm inside b; another goal helps, or"));
+        assert!(capsules.contains("`collision = \"file\"`") && !capsules.contains("pieces"));
+        assert!(hulls.contains("in several `pieces`") && !hulls.contains("collision"), "{hulls}");
     }
 }
