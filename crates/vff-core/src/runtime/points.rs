@@ -5,6 +5,7 @@ use crate::control::Settings;
 use crate::scenario::{self, ScenarioError};
 use crate::world::CollisionQuery;
 use crate::world::space::{MAX_POINTS, Points, Shape, World};
+use std::any::Any;
 
 /// Why there are no points to be replaced.
 ///
@@ -107,6 +108,11 @@ pub fn make(update: PointUpdate, orientation: [f64; 4]) -> Result<Points, Points
         return Err(PointsError::Velocities { points, velocities });
     }
     Ok(Points::moving(points, &velocities, time, orientation))
+}
+
+/// What is around an arm, if that is in space.
+pub(super) fn in_space(world: &mut dyn Any) -> Result<&mut World, PointsError> {
+    world.downcast_mut().ok_or(PointsError::InThePlane)
 }
 
 /// The orientation in which the points of cloud `j` stand.

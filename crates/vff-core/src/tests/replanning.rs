@@ -180,9 +180,9 @@ fn a_curve_that_leads_nowhere_is_left_for_a_plan() {
         );
         let moved = record.x_ref.chunks(2).collect::<Vec<_>>();
         for three in moved.windows(3) {
-            for i in 0..2 {
+            for ((a, b), c) in three[0].iter().zip(three[1]).zip(three[2]) {
                 // Within half a second it comes back to the arm, by two metres.
-                let [step, next] = [0, 1].map(|k| three[k + 1][i] - three[k][i]);
+                let [step, next] = [b - a, c - b];
                 assert!(step.abs() < 0.012, "{waiting}: {step}");
                 assert!((next - step).abs() < 1e-4, "{waiting}: {step} {next}");
             }

@@ -144,11 +144,6 @@ where
     }
 }
 
-/// What is around an arm, if that is in space.
-fn in_space(world: &mut dyn Any) -> Result<&mut space::World, PointsError> {
-    world.downcast_mut().ok_or(PointsError::InThePlane)
-}
-
 impl<S, const D: usize, const M: usize> ErasedController for Standalone<S, D, M>
 where
     S: FromDocument<D>
@@ -196,13 +191,13 @@ where
     }
 
     fn orientation_of_points(&mut self, j: usize) -> Result<[f64; 4], PointsError> {
-        points::orientation_of(in_space(&mut self.world)?, j)
+        points::orientation_of(points::in_space(&mut self.world)?, j)
     }
 
     fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
         let n = self.dof();
         let since = points.since().map(|t| self.loop_time(t) - self.epoch);
-        let world = in_space(&mut self.world)?;
+        let world = points::in_space(&mut self.world)?;
         points::check(world, j, points, &self.settings, n)?;
         points.set_since(since);
         world.swap_points(j, points);
@@ -215,7 +210,7 @@ where
             return Err(PointsError::TooMany(most));
         }
         self.fits(self.world.barrier_count().saturating_add(most))?; // more than it will be
-        in_space(&mut self.world)?.make_room(j, most);
+        points::in_space(&mut self.world)?.make_room(j, most);
         self.reserve();
         Ok(())
     }
