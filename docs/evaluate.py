@@ -597,10 +597,10 @@ again two of three of these are held. With the
 clutter: a UR5e that holds a pose has no joint to spare, so that whatever
 stands in its way holds it up, whatever the margin; that is a matter for
 [plans](plans.md), which find a way around: with a table `replan`, [made when it is held
-up](evaluation-held-up.md), 87 % are back within 8 s, and 47 without. Everything else is reached, by one set of defaults
-for all arms, tasks and families. Tried on training scenes of the plane and not better: the acceleration of
-obstacles in roll-outs, an alarm on a foreseen error of the hand, letting go only shortly before contact,
-more candidates.
+up](evaluation-held-up.md), 87 % are back within 8 s, and 47 without. Everything else is reached, by one set
+of defaults for all arms, tasks and families. Tried on training scenes of the plane and not better: the
+acceleration of obstacles in roll-outs, an alarm on a foreseen error of the hand, letting go only shortly
+before contact, more candidates.
 """
 
 

@@ -51,17 +51,18 @@ class Status(str, Enum):
 
 @dataclass(frozen=True)
 class Replan:
-    """A search for another plan while a run followed one.
+    """A search for a plan while a run followed a reference.
 
     Attributes
     ----------
     asked : float
         When it began [s].
     reason : {"blocked", "strayed", "stuck"}
-        Why: something was in the way of the plan; the arm was off it for too long; it came no nearer to its
-        end.
+        Why: something was in the way of the plan; the arm was off it for too long; it came no nearer to the
+        end of its reference.
     status : str or None
-        What came of it, as in `PlanStatus`; None if the run ended before.
+        What came of it, as in `PlanStatus`; ``"given up"`` where the end effector was led elsewhere
+        meanwhile; None if the run ended before.
     taken : float or None
         When the new plan was taken over [s]; None if there was none.
     """
