@@ -186,6 +186,16 @@ def test_a_reference_takes_it_off_and_back() -> None:
     assert np.abs(np.diff(result.tau[1500:], axis=0)).max() < 0.5
 
 
+def test_how_deep_a_surface_is_holds_nobody_up() -> None:
+    """Along the way in which it presses the tip follows no reference: no clock waits, no plan is made."""
+    reference = {"kind": "line", "end": [0.1, 0.0, -0.05], "duration": 2.0, "relative": True}
+    changes = {"reference": reference, "duration": 4.0, "controller.governor": {}, "replan": {}}
+    result = vff.simulate(WIPE, changes)
+    assert abs(result.error[-1, 2]) > 0.04 and np.linalg.norm(result.error[-1, :2]) < 1e-3
+    assert off(result, 3.0) < 0.5 and result.replans == ()
+    assert result.path_time is not None and (result.t - result.path_time).max() < 1e-9
+
+
 @pytest.mark.parametrize("way", ["null_space", "relaxed", "priority", "cbf"])
 def test_with_every_way_of_giving_way(way: str) -> None:
     """The surface itself is given way to by none; with `cbf` all barriers are kept. `relaxed` lets go of the

@@ -159,6 +159,16 @@ impl<const D: usize> ForceControl<D> {
         ddx + u * (along - u.dot(ddx)) + mobility * force
     }
 
+    /// The part of an error `e` that nothing works against: along u, up to `reach` beyond the reference.
+    pub fn free_part<R: Robot<D>, const M: usize>(
+        &self,
+        robot: &R,
+        e: &SVector<f64, M>,
+    ) -> SVector<f64, M> {
+        let u = self.task_direction::<R, M>(robot);
+        u * u.dot(e).min(self.settings.reach)
+    }
+
     /// Lets `dt` \[s\] pass under the last command: the integral goes on, within what is wanted of the force.
     pub fn elapse(&mut self, dt: f64) {
         let Self { settings: ForceSettings { target, .. }, integral, rate, .. } = self;

@@ -524,7 +524,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
                 let ControlStack { controller, trajectory, .. } = &self.stack;
-                governor.hear(trajectory.way_off::<D>(controller.error(), governor.path_time(t)));
+                let error = controller.followed_error();
+                governor.hear(trajectory.way_off::<D>(&error, governor.path_time(t)));
             }
         }
         self.x = match &mut self.truth {

@@ -13,6 +13,7 @@ pub use reactive::ReactiveController;
 use super::avoidance::preview::{Preview, SelfMotionMap};
 use super::deadline::{Budget, LeftOut};
 use super::{Avoidance, Gains, Law, Output, Torque, Yielding};
+use crate::math::Vector;
 use crate::robot::Manipulator;
 use crate::trajectory::{JointSpline, Pace, Sample};
 use crate::world::CollisionQuery;
@@ -124,6 +125,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         if let Some(preview) = &mut self.preview {
             preview.reserve(surroundings.obstacle_count(), most);
         }
+    }
+
+    /// [`ReactiveController::followed_error`].
+    pub fn followed_error(&self) -> Vector<M> {
+        self.reactive.followed_error()
     }
 
     /// [`ReactiveController::planned`].

@@ -195,6 +195,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         &self.error
     }
 
+    /// The same without the part against which a tip that presses does nothing: there it does not follow the reference.
+    pub fn followed_error(&self) -> Vector<M> {
+        let free = self.force.as_ref().map(|force| force.free_part(&self.robot, &self.error));
+        free.map_or(self.error, |free| self.error - free)
+    }
+
     /// Lets the next command ask for what `output` can send in the next `period` \[s\] after it has sent `sent` \[N·m, N\], at the
     /// observed state. Nothing without a limit of the torque rate.
     pub fn expect(&mut self, output: &mut Output, sent: &[f64], period: f64) {

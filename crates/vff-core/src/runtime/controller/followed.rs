@@ -163,7 +163,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         world: &World<S::Geometry, D>,
     ) {
         let pace = self.pace(t - self.begins.unwrap_or(t));
-        let error = controller.error();
+        let error = &controller.followed_error();
         if let Some(governor) = &mut self.governor {
             governor.hear(self.trajectory.way_off::<D>(error, pace.time));
         }

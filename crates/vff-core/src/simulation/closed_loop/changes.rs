@@ -44,7 +44,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             pace,
             q: controller.robot().configuration(),
             posture: &controller.gains().posture,
-            error: controller.error(),
+            error: &controller.followed_error(),
             reference: trajectory,
             world,
         });
