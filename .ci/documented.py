@@ -86,6 +86,7 @@ LEFT_OUT = {
     "python docs/evaluate_perception.py": "runs for half an hour; the tests see the bundled scene",
     "python docs/evaluate_rate.py 20": "runs for minutes; the tests do so on bundled scenes",
     "python docs/evaluate_self_motion.py": "runs for minutes; the tests do so on a bundled scene",
+    "python docs/evaluate_held_up.py": "runs for minutes; the tests do so with a wall and with a board",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python benches/calls.py": "needs the programs that the commands of docs/c.md build",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",

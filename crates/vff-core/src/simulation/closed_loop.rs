@@ -204,6 +204,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
         }
         controller.command(&reference(0.0))
     }
+
+    /// How far the end effector is from where the reference has it at time `t` \[s\] of that, as far as it follows \[m\].
+    #[inline(never)] // with a governor only
+    fn way_off(&self, t: f64) -> f64 {
+        self.trajectory.way_off::<D>(&self.controller.followed_error(), t)
+    }
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
@@ -523,9 +529,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             self.held.copy_from(torque);
             self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
-                let ControlStack { controller, trajectory, .. } = &self.stack;
-                let error = controller.followed_error();
-                governor.hear(trajectory.way_off::<D>(&error, governor.path_time(t)));
+                governor.hear(self.stack.way_off(governor.path_time(t)));
             }
         }
         self.x = match &mut self.truth {

@@ -204,7 +204,9 @@ impl JointSpline {
     /// If one of the slices has not a number for each joint.
     pub fn at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
         self.on_spline(t, [&mut *q, &mut *dq, &mut *ddq]);
-        add(&self.before, t, [q, dq, ddq]);
+        if !self.before.is_empty() {
+            add(&self.before, t, [q, dq, ddq]);
+        }
     }
 
     /// Makes of positions, velocities and accelerations at time `t` \[s\] those of the posture that the null space is drawn to.
@@ -212,7 +214,9 @@ impl JointSpline {
     /// # Panics
     /// If one of the slices has not a number for each joint.
     pub fn draw(&self, t: f64, state: [&mut [f64]; 3]) {
-        add(&self.drawn, t, state);
+        if !self.drawn.is_empty() {
+            add(&self.drawn, t, state);
+        }
     }
 
     fn on_spline(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
@@ -234,6 +238,7 @@ impl JointSpline {
 }
 
 /// Adds what is left at time `t` \[s\] of each joint.
+#[inline(never)] // seldom anything is
 fn add(fading: &[Fading<1>], t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
     for (joint, fading) in fading.iter().enumerate() {
         let Some([x, dx, ddx]) = fading.at(t) else { return };

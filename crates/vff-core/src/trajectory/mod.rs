@@ -305,10 +305,17 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
 
     #[inline]
     fn with_remainder(&self, sample: Sample<P, M>, t: f64) -> Sample<P, M> {
-        match self.before.as_ref().and_then(|before| before.at(t)) {
-            Some(left) => P::displaced(&sample, &left),
+        match &self.before {
+            Some(before) => Self::add_remainder(before, sample, t),
             None => sample,
         }
+    }
+
+    /// Seldom, and not within what runs always.
+    #[cold]
+    #[inline(never)]
+    fn add_remainder(before: &Remainder, sample: Sample<P, M>, t: f64) -> Sample<P, M> {
+        before.at(t).map_or(sample, |left| P::displaced(&sample, &left))
     }
 }
 
