@@ -255,3 +255,21 @@ def test_the_live_page_plans_beside_its_loop() -> None:
         assert shown["times_stuck"] == 0
     finally:
         live.stop()
+
+
+def test_a_goal_that_is_dragged_behind_a_wall_is_planned_for() -> None:
+    """Nobody has asked for a plan at first; the hand gets to where it is dragged, around the wall."""
+    from vffnull._core import Live
+
+    start = [float(x) for x in vff.Scenario.from_dict(STRAIGHT).arm.forward_kinematics(STRAIGHT["q0"])[-1]]
+    live = Live(vff.Scenario.from_dict({**STRAIGHT, "reference": {"kind": "setpoint", "point": start}}))
+    live.start()
+    try:
+        wait_for(lambda: live.snapshot()["periods"] > 0)
+        assert live.snapshot()["q_plan"] is None
+        goal = STRAIGHT["reference"]["end"]
+        live.aim(goal)
+        wait_for(lambda: np.linalg.norm(live.snapshot()["x"] - goal) < 1e-2)
+        assert live.snapshot()["replans"] > 0 and live.snapshot()["q_plan"] is not None
+    finally:
+        live.stop()
