@@ -15,7 +15,6 @@ from pathlib import Path
 import vffnull as vff
 from vffnull import evaluation
 from vffnull.evaluation import scenes
-from vffnull.evaluation.table import wilson
 from vffnull.run import evaluate as evaluating
 
 DOCS = Path(__file__).resolve().parent
@@ -78,20 +77,16 @@ def main(count: int) -> None:
                 task=task,
                 seed=scenes.EVALUATION.start,
             )
-            columns = outcome.columns
-            feasible = columns["feasibility"] != "none found"
-            with_tip = columns["feasibility"] == "with tip"
             for name in CONTROLLERS:
-                mine = columns["controller"] == name
-                cells = [
-                    str(wilson(int(columns[key][mine & among].sum()), int((mine & among).sum())))
-                    for key, among in (("collided", feasible), ("returned", feasible), ("returned", with_tip))
-                ]
-                numbers = f"{int((mine & feasible).sum())}, {int((mine & with_tip).sum())}"
-                rows.append(f"| {arm} | {task} | {numbers} | {name} | {' | '.join(cells)} |")
+                feasible = outcome.where(controller=name).feasible
+                with_tip = feasible.where(feasibility="with tip")
+                cells = (
+                    f"{feasible.rate('collided')} | {feasible.rate('returned')} | {with_tip.rate('returned')}"
+                )
+                rows.append(f"| {arm} | {task} | {len(feasible)}, {len(with_tip)} | {name} | {cells} |")
                 print(rows[-1], flush=True)
-            lost = (columns["controller"] == "with replan") & feasible & ~columns["returned"].astype(bool)
-            causes.update(last_search(arm, task, int(each)) for each in columns["seed"][lost])
+            lost = outcome.where(controller="with replan", returned=False).feasible
+            causes.update(last_search(arm, task, int(each)) for each in lost.columns["seed"])
     page = TEXT.format(
         scenes=len(ARMS) * len(TASKS) * count,
         count="" if count == COUNT else f" {count}",

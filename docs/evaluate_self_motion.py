@@ -14,7 +14,6 @@ from pathlib import Path
 import vffnull as vff
 from vffnull import evaluation
 from vffnull.evaluation import scenes
-from vffnull.evaluation.table import wilson
 from vffnull.run import evaluate as evaluating
 
 DOCS = Path(__file__).resolve().parent
@@ -59,17 +58,13 @@ def main(count: int) -> None:
                 task="pose",
                 seed=scenes.EVALUATION.start,
             )
-            columns = outcome.columns
-            feasible = columns["feasibility"] != "none found"
-            with_tip = columns["feasibility"] == "with tip"
             for name in CONTROLLERS:
-                mine = columns["controller"] == name
-                cells = [
-                    str(wilson(int(columns[key][mine & among].sum()), int((mine & among).sum())))
-                    for key, among in (("collided", feasible), ("success", with_tip), ("returned", feasible))
-                ]
-                scenes_of = f"{int((mine & feasible).sum())}, {int((mine & with_tip).sum())}"
-                rows.append(f"| {family} | {arm} | {scenes_of} | {name} | {' | '.join(cells)} |")
+                feasible = outcome.where(controller=name).feasible
+                with_tip = feasible.where(feasibility="with tip")
+                cells = (
+                    f"{feasible.rate('collided')} | {with_tip.rate('success')} | {feasible.rate('returned')}"
+                )
+                rows.append(f"| {family} | {arm} | {len(feasible)}, {len(with_tip)} | {name} | {cells} |")
                 print(rows[-1], flush=True)
     page = TEXT.format(
         scenes=len(FAMILIES) * len(ARMS) * count,

@@ -100,15 +100,20 @@ impl<const M: usize> DerefMut for Gains<M> {
     }
 }
 
+/// Where the springs of a posture rest \[rad or m\], and how stiff they are.
+fn posture_of(settings: &Settings) -> impl Iterator<Item = (f64, f64)> + '_ {
+    let rest = settings.posture.iter().flatten().enumerate();
+    rest.map(|(i, q)| (*q, settings.posture_stiffness.get(i)))
+}
+
 impl<const M: usize> Gains<M> {
     /// Resolves settings whose lengths `scenario` has validated.
     pub fn new(settings: &Settings) -> Self {
-        let posture = settings.posture.iter().flatten().enumerate();
         Self {
             stiffness: SVector::from_fn(|i, _| settings.stiffness.get(i)),
             damping: SVector::from_fn(|i, _| settings.damping.get(i)),
             null_damping: NullDamping::new(&settings.null_damping),
-            posture: posture.map(|(i, q)| (*q, settings.posture_stiffness.get(i))).collect(),
+            posture: posture_of(settings).collect(),
             characteristic_length: settings.characteristic_length.unwrap_or(1.0),
             seed: 0,
             settings: settings.clone(),
@@ -145,12 +150,8 @@ impl<const M: usize> Gains<M> {
 
     /// Lets the posture be that of the settings.
     pub fn forget_posture(&mut self) {
-        match &self.settings.posture {
-            Some(rest) => {
-                self.posture.iter_mut().zip(rest).for_each(|((posture, _), rest)| *posture = *rest);
-            }
-            None => self.posture.clear(),
-        }
+        self.posture.clear();
+        self.posture.extend(posture_of(&self.settings));
     }
 
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.

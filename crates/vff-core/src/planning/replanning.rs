@@ -51,9 +51,14 @@ const PAUSES: [f64; 2] = [0.1, 3.2];
 pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     settings: ReplanSettings,
     seed: u64,
-    /// What is searched: with the goal; start and world are those of the moment.
-    task: Task<S, D, M>,
+    arm: Arc<S::Arm>,
+    /// As it is at the beginning.
+    world: World<S::Geometry, D>,
+    /// Whether bodies of the arm must not touch each other.
+    keeps_apart: bool,
     first: Trajectory<S::Pose, M>,
+    /// Where that, or what somebody has put in its place, comes to rest.
+    goal: S::Pose,
     beside: bool,
     search: Option<Search>,
     searches: Vec<Replanned>,
@@ -105,13 +110,10 @@ where
         has_ends(&state, arm.limits())?;
         state.update_positions(&scenario.q0);
         let mut this = Self {
-            task: Task {
-                goal: Goal::Pose(Manipulator::<D, M>::pose(&state)),
-                arm: Arc::clone(arm),
-                world: world.clone(),
-                keeps_apart: scenario.controller.self_collision != SelfCollision::Ignore,
-                start: scenario.q0.clone(),
-            },
+            arm: Arc::clone(arm),
+            world: world.clone(),
+            keeps_apart: scenario.controller.self_collision != SelfCollision::Ignore,
+            goal: Manipulator::<D, M>::pose(&state),
             settings: settings.clone(),
             seed: scenario.seed,
             first: reference.clone(),
@@ -130,8 +132,8 @@ where
     }
 
     fn begin(&mut self) {
-        let Self { first, settings, ahead, task, .. } = self;
-        *ahead = Ahead::new(task.arm.state(), &task.world);
+        let Self { first, settings, ahead, arm, world, .. } = self;
+        *ahead = Ahead::new(arm.state(), world);
         self.kept = 0.0;
         if let Some(plan) = first.joints() {
             let [start, end] = plan.span();
@@ -141,9 +143,7 @@ where
                 .fold(settings.margin, f64::min);
             self.kept = room.max(0.0);
         }
-        if let Some(end) = first.rests_from() {
-            task.goal = Goal::Pose(first.at(end).x);
-        }
+        self.goal = first.end().unwrap_or(self.goal);
         self.progress = Progress::default();
         self.waits = 0;
     }
@@ -154,10 +154,9 @@ where
         if reference.joints().is_some() {
             return true;
         }
-        let Some(end) = reference.rests_from() else { return false };
-        let end = reference.at(end).x;
-        if !matches!(&self.task.goal, Goal::Pose(goal) if *goal == end) {
-            self.task.goal = Goal::Pose(end);
+        let Some(end) = reference.end() else { return false };
+        if self.goal != end {
+            self.goal = end;
             if self.search.take().is_some()
                 && let Some(search) = self.searches.last_mut()
             {
@@ -173,32 +172,31 @@ where
     /// Where the arm is on its way.
     fn place(&mut self, moment: &Moment<'_, S, D, M>) -> Place {
         let is_off = size::<D, M>(moment.error) > self.settings.tolerance;
-        match (moment.reference.joints(), &self.task.goal) {
-            (Some(plan), _) => {
+        match moment.reference.joints() {
+            Some(plan) => {
                 let planned = moment.posture.iter().map(|(planned, _)| planned);
                 let left = farthest(plan.last(), moment.q.iter());
                 Place { is_off, from_plan: farthest(moment.q, planned), left }
             }
-            (None, Goal::Pose(goal)) if is_off => {
+            None if is_off => {
                 let robot = &mut self.ahead.robot;
                 robot.update_positions(moment.q);
-                let left = size::<D, M>(&Manipulator::<D, M>::pose(robot).error(goal));
+                let left = size::<D, M>(&Manipulator::<D, M>::pose(robot).error(&self.goal));
                 Place { is_off, from_plan: 0.0, left }
             }
-            _ => Place { is_off, from_plan: 0.0, left: f64::INFINITY },
+            None => Place { is_off, from_plan: 0.0, left: f64::INFINITY },
         }
     }
 
     /// Whether the arm could go straight from `task.start` to the end, were nothing to move.
     fn is_straight(&mut self, task: &Task<S, D, M>, moment: &Moment<'_, S, D, M>) -> bool {
-        match (moment.reference.joints(), &task.goal) {
-            (Some(plan), _) => task.is_straight(plan.last()),
-            (None, Goal::Configuration(goal)) => task.is_straight(goal),
-            (None, Goal::Pose(goal)) => {
+        match moment.reference.joints() {
+            Some(plan) => task.is_straight(plan.last()),
+            None => {
                 let mut q = task.start.clone();
                 let length = task.arm.characteristic_length();
                 let mut solver = Solver::<M>::new(q.len(), length);
-                solver.solve(&mut self.ahead.robot, &mut q, goal).is_reached()
+                solver.solve(&mut self.ahead.robot, &mut q, &self.goal).is_reached()
                     && task.is_straight(&q)
             }
         }
@@ -240,15 +238,14 @@ where
         let (path_time, blend) = (pace.time, self.settings.blend);
         let joints = joints.keeping(&rows(&plan.margins)).ok()?;
         let joints = joints.keeping_on(reference.joints(), self.usual, path_time, blend);
-        let follow = |joints| follow_plan::<S::State, D, M>(self.task.arm.state(), joints);
+        let follow = |joints| follow_plan::<S::State, D, M>(self.arm.state(), joints);
         Some(match reference.joints() {
             Some(old) => {
                 follow(joints.taking_over(old, path_time, blend)).displaced_like(reference)
             }
-            None if posture.is_empty() => follow(joints).taking_over(reference, &pace, blend),
             None => {
-                let rest: Vec<f64> = posture.iter().map(|(q, _)| *q).collect();
-                let joints = joints.drawing_from(&rest, path_time, blend);
+                let rest = posture.iter().map(|(q, _)| *q);
+                let joints = joints.drawing_from(rest, path_time, blend);
                 follow(joints).taking_over(reference, &pace, blend)
             }
         })
@@ -268,12 +265,20 @@ where
             paths: PlanSettings::default().paths,
             seed: self.seed.wrapping_add(self.searches.len() as u64),
         };
-        let mut task = Task { world: moment.world.clone(), ..self.task.clone() };
+        let mut task = Task::<S, D, M> {
+            arm: Arc::clone(&self.arm),
+            world: moment.world.clone(),
+            keeps_apart: self.keeps_apart,
+            goal: Goal::Pose(self.goal),
+            start: moment.q.to_vec(),
+        };
         // A joint that is pushed against its limit may be a little beyond it.
-        for (i, (start, q)) in task.start.iter_mut().zip(moment.q).enumerate() {
+        for (i, start) in task.start.iter_mut().enumerate() {
             let [lower, upper] = ranges_of(task.arm.limits(), i);
-            let inside = q.max(lower).min(upper);
-            *start = if (q - inside).abs() <= AT_LIMIT { inside } else { *q };
+            let inside = start.max(lower).min(upper);
+            if (*start - inside).abs() <= AT_LIMIT {
+                *start = inside;
+            }
         }
         // A plan that is over pulls straight to its end, as a curve does: if that way is free, what is passing by has to be waited
         // for, but not for ever.
@@ -377,7 +382,8 @@ where
         };
         Box::new(Self {
             settings: self.settings.clone(),
-            task: self.task.clone(),
+            arm: Arc::clone(&self.arm),
+            world: self.world.clone(),
             first: self.first.clone(),
             search,
             searches: self.searches.clone(),

@@ -34,9 +34,9 @@ pub struct JointSpline {
     first: Vec<f64>,
     last: Vec<f64>,
     /// What is left of the motion before, of each joint.
-    before: Vec<Fading<1>>,
+    before: Option<Fading>,
     /// By how much the posture still is elsewhere, of each joint.
-    drawn: Vec<Fading<1>>,
+    drawn: Option<Fading>,
     /// What every link is known to keep on the way.
     margins: Option<KeptMargins>,
 }
@@ -85,7 +85,7 @@ impl JointSpline {
             }
         }
         let (first, last) = (points[0].clone(), points[knots - 1].clone());
-        let (before, drawn) = (vec![], vec![]);
+        let (before, drawn) = (None, None);
         Ok(Self { times: times.to_vec(), n, pieces, first, last, before, drawn, margins: None })
     }
 
@@ -100,23 +100,20 @@ impl JointSpline {
         let [mut from, mut to] = [zeros(), zeros()];
         old.at(t, from.each_mut().map(Vec::as_mut_slice));
         self.at(t, to.each_mut().map(Vec::as_mut_slice));
-        let left = |i: usize| [0, 1, 2].map(|k| Vector::<1>::new(from[k][i] - to[k][i]));
-        self.before = (0..self.n).map(|i| Fading::new(t, duration, left(i))).collect();
+        let left = |i: usize| [0, 1, 2].map(|k| from[k][i] - to[k][i]);
+        self.before = Some(Fading::new(t, duration, (0..self.n).map(left)));
         self
     }
 
-    /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], and is where the joints are
-    /// `duration` \[s\], > 0, later ([`draw`](Self::draw)).
-    ///
-    /// # Panics
-    /// If `q` has not a number for each joint.
+    /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], nowhere if there are no numbers, and is
+    /// where the joints are `duration` \[s\], > 0, later ([`draw`](Self::draw)).
     #[must_use]
-    pub fn drawing_from(mut self, q: &[f64], t: f64, duration: f64) -> Self {
+    pub fn drawing_from(mut self, q: impl Iterator<Item = f64>, t: f64, duration: f64) -> Self {
         let mut there = [0; 3].map(|_| vec![0.0; self.n]);
         self.at(t, there.each_mut().map(Vec::as_mut_slice));
         let [x, dx, ddx] = &there;
-        let left = |i: usize| [q[i] - x[i], -dx[i], -ddx[i]].map(Vector::<1>::new);
-        self.drawn = (0..self.n).map(|i| Fading::new(t, duration, left(i))).collect();
+        let left = q.zip(0..self.n).map(|(q, i)| [q - x[i], -dx[i], -ddx[i]]);
+        self.drawn = Some(Fading::new(t, duration, left));
         self
     }
 
@@ -204,8 +201,8 @@ impl JointSpline {
     /// If one of the slices has not a number for each joint.
     pub fn at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
         self.on_spline(t, [&mut *q, &mut *dq, &mut *ddq]);
-        if !self.before.is_empty() {
-            add(&self.before, t, [q, dq, ddq]);
+        if let Some(before) = &self.before {
+            add(before, t, [q, dq, ddq]);
         }
     }
 
@@ -214,8 +211,8 @@ impl JointSpline {
     /// # Panics
     /// If one of the slices has not a number for each joint.
     pub fn draw(&self, t: f64, state: [&mut [f64]; 3]) {
-        if !self.drawn.is_empty() {
-            add(&self.drawn, t, state);
+        if let Some(drawn) = &self.drawn {
+            add(drawn, t, state);
         }
     }
 
@@ -239,12 +236,11 @@ impl JointSpline {
 
 /// Adds what is left at time `t` \[s\] of each joint.
 #[inline(never)] // seldom anything is
-fn add(fading: &[Fading<1>], t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
-    for (joint, fading) in fading.iter().enumerate() {
-        let Some([x, dx, ddx]) = fading.at(t) else { return };
-        q[joint] += x[0];
-        dq[joint] += dx[0];
-        ddq[joint] += ddx[0];
+fn add(fading: &Fading, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
+    for (joint, [x, dx, ddx]) in fading.at(t).enumerate() {
+        q[joint] += x;
+        dq[joint] += dx;
+        ddq[joint] += ddx;
     }
 }
 
@@ -392,7 +388,7 @@ mod tests {
         let three = one.clone().taking_over(&both, 0.9, 0.5);
         close(at(&three, 0.9), at(&both, 0.9), 1e-12);
         // A posture comes from rest, and the joints do not care.
-        let drawn = both.clone().drawing_from(&[0.3, -0.2], 0.8, 0.5);
+        let drawn = both.clone().drawing_from([0.3, -0.2].into_iter(), 0.8, 0.5);
         let posture = |t: f64| {
             let mut state = [0; 3].map(|_| vec![0.0; 2]);
             drawn.at(t, state.each_mut().map(Vec::as_mut_slice));

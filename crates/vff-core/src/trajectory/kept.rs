@@ -3,7 +3,7 @@
 use super::piecewise;
 use super::taking_over::Fading;
 use super::{Pace, TrajectoryError};
-use crate::math::{Vector, smoothstep};
+use crate::math::smoothstep;
 
 /// Control points reach over so many knots to either side.
 const REACH: usize = 2;
@@ -26,10 +26,8 @@ pub struct KeptMargins {
     /// The least of the knots around, of all links at the first knot, then of all at the next \[m\].
     control: Vec<f64>,
     links: usize,
-    /// How much more is still kept because it was before, of each link.
-    before: Vec<Fading<1>>,
-    /// When the plan that says all that was taken over from a reference that said nothing, and for how long that fades \[s\].
-    first: Option<[f64; 2]>,
+    /// How much more is still kept because it was before, of each link, and whether the reference before said anything.
+    before: Option<(Fading, bool)>,
 }
 
 impl KeptMargins {
@@ -54,7 +52,7 @@ impl KeptMargins {
                 around.iter().map(|margin| margin[link]).fold(f64::INFINITY, f64::min)
             }));
         }
-        Ok(Self { times: times.to_vec(), control, links, before: vec![], first: None })
+        Ok(Self { times: times.to_vec(), control, links, before: None })
     }
 
     /// The same, of which at time `t` \[s\] each link still keeps what it has kept until then: what `old` says, or if that says nothing,
@@ -67,29 +65,29 @@ impl KeptMargins {
             old.at(&Pace::of_time(t), usual, &mut before);
         }
         self.known_at(&Pace::of_time(t), usual, &mut kept);
-        let left = |([before, ..], [now, rate, change]): (&[f64; 3], &[f64; 3])| {
-            let left = [before - now, -rate, -change].map(Vector::<1>::new);
-            Fading::new(t, duration, left)
-        };
-        self.before = before.iter().zip(&kept).map(left).collect();
-        self.first = old.is_none().then_some([t, duration]);
+        let left = before.iter().zip(&kept);
+        let left = left.map(|([before, ..], [now, rate, change])| [before - now, -rate, -change]);
+        self.before = Some((Fading::new(t, duration, left), old.is_some()));
         self
     }
 
     /// How much of what is kept at time `t` \[s\] is said by the plan, from 0 to 1.
     pub fn share(&self, t: f64) -> f64 {
-        self.first.map_or(1.0, |[start, duration]| smoothstep((t - start) / duration))
+        match &self.before {
+            Some((fading, false)) => smoothstep(fading.passed(t)),
+            _ => 1.0,
+        }
     }
 
     /// What each link keeps at `pace` \[m\], no more than `most`, with its first and second derivative in time. Does not
     /// allocate.
     pub fn at(&self, pace: &Pace, most: f64, kept: &mut [[f64; 3]]) {
         self.known_at(pace, most, kept);
-        for (before, [value, rate, change]) in self.before.iter().zip(kept) {
-            let Some([x, dx, ddx]) = before.at(pace.time) else { return };
-            *value += x[0];
-            *rate += dx[0] * pace.speed;
-            *change += ddx[0] * pace.speed * pace.speed + dx[0] * pace.change;
+        let Some((before, _)) = &self.before else { return };
+        for ([x, dx, ddx], [value, rate, change]) in before.at(pace.time).zip(kept) {
+            *value += x;
+            *rate += dx * pace.speed;
+            *change += ddx * pace.speed * pace.speed + dx * pace.change;
         }
     }
 

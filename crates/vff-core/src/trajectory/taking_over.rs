@@ -3,28 +3,36 @@
 use crate::math::quintic::{Coordinates, horner, quintic};
 use crate::math::{Vector, smoothstep};
 
-/// A displacement that has faded after a while: a quintic from what is left at the start to rest at 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Fading<const M: usize> {
+/// Numbers that have faded after a while: a quintic each, from what is left at the start to rest at 0.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Fading {
     start: f64,
     duration: f64,
-    piece: [Vector<M>; 6],
+    pieces: Vec<[Vector<1>; 6]>,
 }
 
-impl<const M: usize> Fading<M> {
-    /// Of `left` and its derivatives at `start` \[s\], within `duration` \[s\], > 0.
-    pub(super) fn new(start: f64, duration: f64, left: [Vector<M>; 3]) -> Self {
-        Self { start, duration, piece: quintic(left, [Vector::zeros(); 3], duration) }
+impl Fading {
+    /// Of what is `left` of each at `start` \[s\], with its first two derivatives, within `duration` \[s\], > 0.
+    pub(super) fn new(start: f64, duration: f64, left: impl Iterator<Item = [f64; 3]>) -> Self {
+        let rest = [Vector::zeros(); 3];
+        let pieces = left.map(|left| quintic(left.map(Vector::<1>::new), rest, duration));
+        Self { start, duration, pieces: pieces.collect() }
     }
 
-    /// What is left at time `t` \[s\], and its derivatives; None before the start and after the end.
-    #[inline]
-    pub(super) fn at(&self, t: f64) -> Option<[Vector<M>; 3]> {
+    /// What is left of each at time `t` \[s\], and its derivatives; nothing before the start and after the end.
+    pub(super) fn at(&self, t: f64) -> impl Iterator<Item = [f64; 3]> + '_ {
         let since = t - self.start;
-        (0.0..self.duration).contains(&since).then(|| {
-            let Coordinates { x, dx, ddx } = horner(&self.piece, since);
-            [x, dx, ddx]
+        let is_left = (0.0..self.duration).contains(&since);
+        let pieces = if is_left { &self.pieces[..] } else { &[] };
+        pieces.iter().map(move |piece| {
+            let Coordinates { x, dx, ddx } = horner(piece, since);
+            [x[0], dx[0], ddx[0]]
         })
+    }
+
+    /// How much of the time has passed at `t` \[s\]: 0 to 1 from its start to its end.
+    pub(super) fn passed(&self, t: f64) -> f64 {
+        (t - self.start) / self.duration
     }
 }
 

@@ -30,12 +30,12 @@ def angles(ax: Axes, result: Outcome) -> list[Line2D]:
     """
     style.joint_lines(ax, result.t, result.q)
     plan: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (4, 2))}
-    has_plan = ghost(result) is not None
-    if result.q_plan is not None and has_plan:
-        style.joint_lines(ax, result.t, result.q_plan, **plan)
+    planned = None if ghost(result) is None else result.q_plan
+    if planned is not None:
+        style.joint_lines(ax, result.t, planned, **plan)
     unit = result.layout.units("q", result.q.shape[1:])
     ax.set_ylabel(f"joint {'angle' if unit == 'rad' else 'position'} [{unit}]")
-    return [Line2D([], [], color=style.INK, label="plan", **plan)] if has_plan else []
+    return [] if planned is None else [Line2D([], [], color=style.INK, label="plan", **plan)]
 
 
 def joint_torques(result: Outcome) -> Figure:

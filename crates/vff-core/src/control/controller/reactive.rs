@@ -196,7 +196,6 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     }
 
     /// The same without the part against which a tip that presses does nothing: there it does not follow the reference.
-    #[inline(never)]
     pub fn followed_error(&self) -> Vector<M> {
         let free = self.force.as_ref().map(|force| force.free_part(&self.robot, &self.error));
         free.map_or(self.error, |free| self.error - free)
