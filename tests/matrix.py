@@ -102,7 +102,7 @@ def _cloud(scene: vff.Scenario) -> Changes:
     return {"obstacles": obstacles}
 
 
-def _smooth(scene: vff.Scenario) -> Changes:
+def _smooth(scene: vff.Scenario, foreseen: bool = False) -> Changes:
     """What moves does so along smooth way points, ten a second; balls turn back and forth meanwhile."""
     document = scene.to_dict()
     obstacles = [dict(each) for each in document.get("obstacles", [])]
@@ -120,6 +120,7 @@ def _smooth(scene: vff.Scenario) -> Changes:
         made = {
             "kind": "waypoints",
             "interpolation": "smooth",
+            "foreseen": foreseen,
             "times": times.tolist(),
             "points": points.tolist(),
         }
@@ -204,6 +205,7 @@ OPTIONS: dict[str, Option] = {
         exact=False,
     ),
     "smooth motion": Option(_smooth),
+    "foreseen": Option(lambda scene: _smooth(scene, foreseen=True)),
     "governor": Option(lambda _: {"controller.governor": {}}),
     "replanning": Option(
         lambda _: {"replan": {}},

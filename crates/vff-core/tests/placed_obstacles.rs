@@ -17,7 +17,12 @@ fn obstacle(j: usize) -> Obstacle {
         angular_velocity: if j.is_multiple_of(3) { 0.7 } else { 0.0 },
         motion: match j % 4 {
             0 => Motion::waypoints(vec![0.0, 1.0], vec![[0.0, 0.0], [3.0, 1.0]]),
-            1 => Motion::Sinusoid { amplitude: [0.1, 0.4], angular_frequency: 2.0, phase: 0.1 },
+            1 => Motion::Sinusoid {
+                amplitude: [0.1, 0.4],
+                angular_frequency: 2.0,
+                phase: 0.1,
+                foreseen: false,
+            },
             _ => Motion::default(),
         },
     }

@@ -64,7 +64,9 @@ class Motion:
         return _motion("linear", velocity=velocity)
 
     @staticmethod
-    def sinusoid(amplitude: ArrayLike, angular_frequency: float, phase: float = 0.0) -> Motion:
+    def sinusoid(
+        amplitude: ArrayLike, angular_frequency: float, phase: float = 0.0, *, foreseen: bool = False
+    ) -> Motion:
         """Swing along a line: position + amplitude · sin(angular_frequency · t + phase).
 
         Parameters
@@ -75,8 +77,14 @@ class Motion:
             Angular frequency [rad/s].
         phase : float, optional
             Phase at t = 0 [rad].
+        foreseen : bool, optional
+            Whether look-ahead knows of it, as of a machine that swings; otherwise it predicts that the
+            obstacle goes on at the velocity of the moment.
         """
-        return _motion("sinusoid", amplitude=amplitude, angular_frequency=angular_frequency, phase=phase)
+        given = {"foreseen": True} if foreseen else {}
+        return _motion(
+            "sinusoid", amplitude=amplitude, angular_frequency=angular_frequency, phase=phase, **given
+        )
 
     @staticmethod
     def waypoints(
@@ -86,6 +94,7 @@ class Motion:
         interpolation: str = "linear",
         angles: ArrayLike | None = None,
         orientations: ArrayLike | None = None,
+        foreseen: bool = False,
     ) -> Motion:
         """Go from point to point; wait at the first before, at the last after.
 
@@ -106,6 +115,10 @@ class Motion:
         orientations : (k, 4) array_like, optional
             Its orientation then, in space: unit quaternions ``[w, x, y, z]``; the first one must be the
             obstacle's orientation.
+        foreseen : bool, optional
+            Whether look-ahead knows of it: of another robot whose plan is known, of a door, or by a
+            forecast of your own, given anew whenever there is another. Otherwise it predicts that the
+            obstacle goes on at the velocity of the moment.
 
         Examples
         --------
@@ -117,6 +130,8 @@ class Motion:
         given = {name: each for name, each in rotations.items() if each is not None}
         if interpolation != "linear":
             given["interpolation"] = interpolation
+        if foreseen:
+            given["foreseen"] = True
         return _motion("waypoints", times=times, points=points, **given)
 
     @property

@@ -520,7 +520,8 @@ pub fn turning<R: PartialEq + Debug>(
 
 /// The motion of an obstacle.
 pub fn motion<const D: usize>(motion: &Motion<D>) -> Validated {
-    let Motion::Waypoints { times, points, angles, orientations, interpolation } = motion else {
+    let Motion::Waypoints { times, points, angles, orientations, interpolation, .. } = motion
+    else {
         return Ok(());
     };
     if times.is_empty() {

@@ -333,7 +333,7 @@ pub(super) mod tests {
             Just(Motion::default()),
             point(2.0).prop_map(|velocity| Motion::Linear { velocity }),
             (point(2.0), -9.0..9.0, scale(), -9.0..9.0).prop_map(|(amplitude, omega, s, phase)| {
-                Motion::Sinusoid { amplitude, angular_frequency: s * omega, phase }
+                Motion::Sinusoid { amplitude, angular_frequency: s * omega, phase, foreseen: false }
             }),
             (prop::collection::vec(point(5.0), 4), any::<bool>()).prop_map(
                 |(points, is_smooth)| {
@@ -413,7 +413,12 @@ pub(super) mod tests {
                 let motion = match j % 3 {
                     0 => Motion::default(),
                     1 => Motion::Linear { velocity: [0.3 * (y - 10.0), 0.2 * (10.0 - x)] },
-                    _ => Motion::Sinusoid { amplitude: [1.0, x], angular_frequency: y, phase: x },
+                    _ => Motion::Sinusoid {
+                        amplitude: [1.0, x],
+                        angular_frequency: y,
+                        phase: x,
+                        foreseen: false,
+                    },
                 };
                 let shape = Shape::Circle { radius: 0.1 };
                 Obstacle {

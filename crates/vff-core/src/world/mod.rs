@@ -248,7 +248,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         let MotionState { position, velocity, acceleration, .. } = obstacle.state_at(self.time);
         let now = [position, velocity, acceleration];
         let filter = ThirdOrderFilter::new(self.time, now, goal, rate);
-        obstacle.description.set_motion(Motion::Dragged(filter));
+        obstacle.set_motion(Motion::Dragged(filter));
         obstacle.is_static = false;
         self.rearrange();
     }
@@ -288,7 +288,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     pub fn place(&mut self, j: usize, t: f64, position: Vector<D>, velocity: Vector<D>) {
         let obstacle = &mut self.obstacles[j];
         obstacle.description.set_position(position - velocity * t);
-        obstacle.description.set_motion(Motion::Linear { velocity: velocity.into() });
+        obstacle.set_motion(Motion::Linear { velocity: velocity.into() });
         obstacle.state = obstacle.moved_to(self.time);
         obstacle.time = self.time;
         let was_static = replace(&mut obstacle.is_static, false);

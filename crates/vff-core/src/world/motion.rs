@@ -42,6 +42,9 @@ pub enum Motion<const D: usize> {
         /// Phase at t = 0 \[rad\].
         #[serde(default)]
         phase: f64,
+        /// Whether look-ahead knows it: see [`is_foreseen`](Motion::is_foreseen).
+        #[serde(default)]
+        foreseen: bool,
     },
     /// From point to point, at constant speed or smoothly. The points *are* the positions, the initial
     /// position of the obstacle is not used. Waits at the first point before `times[0]` and
@@ -61,6 +64,9 @@ pub enum Motion<const D: usize> {
         /// In space, orientation at each instant: quaternions \[w, x, y, z\] of norm 1 within 1 %. Empty: none.
         #[serde(default)]
         orientations: Vec<[f64; 4]>,
+        /// Whether look-ahead knows it: see [`is_foreseen`](Motion::is_foreseen).
+        #[serde(default)]
+        foreseen: bool,
     },
     /// Dragged to a place by hand while the loop runs; no scenario says so.
     #[serde(skip)]
@@ -144,6 +150,7 @@ impl<const D: usize> Motion<D> {
             interpolation: Interpolation::Linear,
             angles: vec![],
             orientations: vec![],
+            foreseen: false,
         }
     }
 
@@ -160,6 +167,25 @@ impl<const D: usize> Motion<D> {
     /// Whether the obstacle stays where it is for ever.
     pub fn is_static(&self) -> bool {
         matches!(self, Self::Static {})
+    }
+
+    /// Whether look-ahead takes the obstacle for where this motion has it at later instants, as is known of a door, of another robot
+    /// or by a forecast of one's own. Otherwise it goes on at the velocity of the moment.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::world::Motion;
+    ///
+    /// let swing: Motion<2> =
+    ///     toml::from_str("sinusoid = { amplitude = [0.5, 0.0], angular_frequency = 2.0, foreseen = true }").unwrap();
+    /// assert!(swing.is_foreseen());
+    /// assert!(!Motion::Linear { velocity: [0.5, 0.0] }.is_foreseen()); // nor does it have to be
+    /// ```
+    pub fn is_foreseen(&self) -> bool {
+        matches!(
+            self,
+            Self::Sinusoid { foreseen: true, .. } | Self::Waypoints { foreseen: true, .. }
+        )
     }
 
     /// A speed that the obstacle never exceeds \[m/s\].
@@ -189,7 +215,7 @@ impl<const D: usize> Motion<D> {
     /// ```
     /// use vff_core::world::Motion;
     ///
-    /// let swing = Motion::Sinusoid { amplitude: [0.5, 0.0], angular_frequency: 2.0, phase: 0.0 };
+    /// let swing = Motion::Sinusoid { amplitude: [0.5, 0.0], angular_frequency: 2.0, phase: 0.0, foreseen: false };
     /// assert_eq!(swing.top_acceleration(), 2.0);
     /// ```
     pub fn top_acceleration(&self) -> f64 {
@@ -240,7 +266,7 @@ impl<const D: usize> Motion<D> {
                     elapsed: 0.0,
                 }
             }
-            Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
+            Self::Sinusoid { amplitude, angular_frequency: omega, phase, .. } => {
                 let amplitude = Vector::from(*amplitude);
                 let (sin, cos) = sin_cos(omega * t + phase);
                 MotionState {
@@ -267,7 +293,7 @@ impl<const D: usize> Motion<D> {
         match self {
             // Monotone in t along each axis, rounding included: the ends hold the rest.
             Self::Static {} | Self::Linear { .. } => hull(ends),
-            Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
+            Self::Sinusoid { amplitude, angular_frequency: omega, phase, .. } => {
                 let middle = omega * (0.5 * (t0 + t1)) + phase;
                 let rounding =
                     1e-12 + 1e-15 * (middle.abs() + (omega * (t1 - t0)).abs() + phase.abs());
@@ -403,7 +429,7 @@ mod tests {
 
     fn smooth(times: Vec<f64>, points: Vec<[f64; 2]>) -> Motion<2> {
         let (interpolation, angles, orientations) = (Interpolation::Smooth, vec![], vec![]);
-        Motion::Waypoints { times, points, interpolation, angles, orientations }
+        Motion::Waypoints { times, points, interpolation, angles, orientations, foreseen: false }
     }
 
     fn two() -> impl Strategy<Value = [f64; 2]> {
@@ -421,7 +447,7 @@ mod tests {
             let position0 = Vector::from(position0);
             check_derivatives(&Motion::default(), t, position0);
             check_derivatives(&Motion::Linear { velocity }, t, position0);
-            let sinusoid = Motion::Sinusoid { amplitude, angular_frequency, phase };
+            let sinusoid = Motion::Sinusoid { amplitude, angular_frequency, phase, foreseen: false };
             check_derivatives(&sinusoid, t, position0);
         }
 
@@ -483,8 +509,8 @@ mod tests {
             for motion in [
                 Motion::default(),
                 Motion::Linear { velocity: amplitude },
-                Motion::Sinusoid { amplitude, angular_frequency, phase },
-                Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
+                Motion::Sinusoid { amplitude, angular_frequency, phase, foreseen: false },
+                Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1], foreseen: false },
                 Motion::waypoints(vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points),
                 Motion::waypoints(vec![], vec![]),
                 smooth(vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], smooth_points),
@@ -504,8 +530,12 @@ mod tests {
     #[test]
     fn the_paper_obstacle() {
         // Scenario 1: y(t) = 2 − 0.5 sin 0.5t.
-        let motion =
-            Motion::Sinusoid { amplitude: [0.0, -0.5], angular_frequency: 0.5, phase: 0.0 };
+        let motion = Motion::Sinusoid {
+            amplitude: [0.0, -0.5],
+            angular_frequency: 0.5,
+            phase: 0.0,
+            foreseen: false,
+        };
         let state = motion.at(std::f64::consts::PI, Vector::<2>::new(1.5, 2.0));
         assert!((state.position - Vector::<2>::new(1.5, 1.5)).norm() < 1e-15);
         assert!(state.velocity.norm() < 1e-15);

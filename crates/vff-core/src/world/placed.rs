@@ -1,7 +1,8 @@
 //! An obstacle where it is at an instant, and what it is asked there.
 
 use super::{
-    Asked, Contact, Description, MotionState, ObstacleGeometry, Outlook, Pair, Turn, Turning,
+    Asked, Contact, Description, Motion, MotionState, ObstacleGeometry, Outlook, Pair, Turn,
+    Turning,
 };
 use crate::geometry::PlacedHull;
 use crate::math::Vector;
@@ -18,6 +19,8 @@ pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) since: f64,
     /// Whether it neither moves nor turns, nor any part of it.
     pub(super) is_static: bool,
+    /// Whether later instants are those of its motion.
+    is_foreseen: bool,
     /// How it turns, if it does.
     pub(super) turned: Option<Box<Turned<D>>>,
     /// The most contacts and barriers that it will have, where that is more than it has.
@@ -43,6 +46,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             time: 0.0,
             since: 0.0,
             is_static: false,
+            is_foreseen: description.motion().is_foreseen(),
             turned,
             room: 0,
             is_hidden: false,
@@ -71,9 +75,25 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         if self.is_at(t) { self.state } else { self.moved_to(t) }
     }
 
-    /// The same, carried on for `after` \[s\]. Without a copy between, which processors wait for.
+    /// Lets it move otherwise.
+    pub(super) fn set_motion(&mut self, motion: Motion<D>) {
+        self.is_foreseen = motion.is_foreseen();
+        self.description.set_motion(motion);
+    }
+
+    /// Whether the state after a while is that of its motion, not one that goes on as it is.
+    #[inline]
+    pub(super) fn is_foreseen(&self) -> bool {
+        self.is_foreseen
+    }
+
+    /// The state at time `t` \[s\], carried on for `after` \[s\]: at its velocity, or as it is foreseen. Without a copy between,
+    /// which processors wait for.
     #[inline(always)]
     pub(super) fn state_after(&self, t: f64, after: f64) -> MotionState<D> {
+        if self.is_foreseen {
+            return self.moved_to(t + after);
+        }
         if self.is_at(t) { self.state.after(after) } else { self.moved_to(t).after(after) }
     }
 
@@ -93,6 +113,15 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
     pub(super) fn turn_at(&self, t: f64) -> Option<Turn<D>> {
         let turned = self.turned.as_ref()?;
         Some(if self.is_at(t) { turned.now } else { turned.turning.at(t) })
+    }
+
+    /// How it is turned at time `t` \[s\], carried on for `after` \[s\] likewise.
+    #[inline]
+    pub(super) fn turn_after(&self, t: f64, after: f64) -> Option<Turn<D>> {
+        if self.is_foreseen {
+            return self.turned.as_ref().map(|turned| turned.turning.at(t + after));
+        }
+        self.turn_at(t).map(|turn| turn.after(after))
     }
 
     /// How it is turned at the instant of its state.

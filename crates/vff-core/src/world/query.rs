@@ -98,8 +98,15 @@ pub trait CollisionQuery<const D: usize> {
         self.for_each_barrier(bodies, reach, visit);
     }
 
+    /// Whether an obstacle that is carried on goes where its motion has it, faster or slower than now: see
+    /// [`Motion::is_foreseen`](super::Motion::is_foreseen).
+    fn is_foreseen(&self, obstacle: usize) -> bool {
+        let _ = obstacle;
+        false
+    }
+
     /// The contact of body number `index` with `obstacle`, were that carried on for `after` \[s\], or back for −`after`, at
-    /// its present velocity and rate of turning.
+    /// its present velocity and rate of turning, or as it is foreseen.
     fn contact_after(
         &self,
         index: usize,
@@ -427,6 +434,10 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.barriers
     }
 
+    fn is_foreseen(&self, obstacle: usize) -> bool {
+        self.obstacles[obstacle].is_foreseen()
+    }
+
     fn hull_barrier_count(&self) -> usize {
         self.hull_barriers
     }
@@ -468,7 +479,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         }
         let pair = Pair { body: index, link: body.link, obstacle };
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
-        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        let turn = placed.turn_after(self.time, after);
         placed.for_each_needed(pair, &probe, &state, turn.as_ref(), reach, outlook, visit);
     }
 
@@ -490,7 +501,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let Body { link, shape, .. } = body;
         let pair = Pair { body: index, link: *link, obstacle };
         let state = placed.state_after(self.time, after);
-        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        let turn = placed.turn_after(self.time, after);
         let contact =
             |shape: &Capsule<D>| placed.contact(pair, &S::probe(shape), &state, turn.as_ref());
         let nearest = contact(shape);
@@ -543,7 +554,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             }
             return take(&contact);
         }
-        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        let turn = placed.turn_after(self.time, after);
         let turn = turn.as_ref();
         let nearest = match &body.hull {
             None => placed.contact(pair, &probe, &state, turn),

@@ -109,3 +109,49 @@ fn all_pairs_are_visited_in_order() {
     assert!((found[3].distance - 0.4).abs() < 1e-15);
     assert_eq!(found[3].normal, Vector::<2>::new(0.0, 1.0));
 }
+
+/// What is foreseen is found where and how it will be, also how it is turned; everything else goes on as it does now, and so does what was
+/// foreseen once it is placed elsewhere.
+#[test]
+fn what_is_foreseen_is_found_where_it_will_be() {
+    let bar = |foreseen: bool| {
+        let motion = format!(
+            "waypoints = {{ times = [0, 1, 3], points = [[0, 2], [1, 3], [0, 2]], angles = [0, 1, -1], \
+             interpolation = \"smooth\", foreseen = {foreseen} }}"
+        );
+        Obstacle {
+            shape: Shape::Box { size: [1.0, 0.2] },
+            motion: toml::from_str(&motion).unwrap(),
+            ..disc([0.0, 2.0], Motion::default())
+        }
+    };
+    let link = Body::new(
+        0,
+        Capsule { start: Vector::zeros(), direction: Vector::<2>::x(), length: 2.0, radius: 0.1 },
+    );
+    for now in [0.0, 0.4, 0.9] {
+        let [foreseen, mut other] = [true, false].map(|foreseen| {
+            let mut world = World::new(vec![bar(foreseen)]);
+            world.update(now);
+            world
+        });
+        let present = other.contact(0, &link, 0);
+        assert!((foreseen.is_foreseen(0), other.is_foreseen(0)) == (true, false));
+        assert_eq!(foreseen.contact(0, &link, 0), present);
+        for after in [-0.3, 0.2, 1.0, 5.0] {
+            let found = foreseen.contact_after(0, &link, 0, after);
+            let steady = other.contact_after(0, &link, 0, after);
+            other.update(now + after);
+            assert_eq!(found, other.contact(0, &link, 0), "{now} s, {after} s later");
+            other.update(now);
+            let is_moving = after > 0.0 || now > 0.0; // it rests before
+            assert!(
+                !is_moving || (found.distance - steady.distance).abs() > 1e-4,
+                "{now} s, {after} s later"
+            );
+        }
+        let mut placed = foreseen;
+        placed.place(0, now, Vector::<2>::new(0.0, 2.0), Vector::<2>::new(0.0, -1.0));
+        assert!(!placed.is_foreseen(0));
+    }
+}

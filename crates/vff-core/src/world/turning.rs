@@ -481,7 +481,7 @@ mod tests {
             link in space::oracle::any_link(), obstacle in space::oracle::any_obstacle(), omega in three(2.0),
             amplitude in three(1.0), t in -3.0..3.0,
         ) {
-            let motion = Motion::Sinusoid { amplitude: amplitude.into(), angular_frequency: 1.3, phase: 0.2 };
+            let motion = Motion::Sinusoid { amplitude: amplitude.into(), angular_frequency: 1.3, phase: 0.2, foreseen: false };
             let obstacle = space::Obstacle { angular_velocity: omega.into(), motion, ..obstacle };
             check::<space::SpatialGeometry, 3>(&obstacle, |t| halted_in_space(&obstacle, t), link, t)?;
         }

@@ -108,7 +108,7 @@ fn moving() -> impl Strategy<Value = Moving> {
         Just(Motion::default()),
         three(1.0).prop_map(|velocity| Motion::Linear { velocity }),
         (three(1.0), 0.2..2.0, -1.0..1.0).prop_map(|(amplitude, angular_frequency, phase)| {
-            Motion::Sinusoid { amplitude, angular_frequency, phase }
+            Motion::Sinusoid { amplitude, angular_frequency, phase, foreseen: false }
         }),
         // About where it is: the position is that of the obstacle wherever the points are.
         (three(1.0), three(2.0), any::<bool>()).prop_map(|(way, turn, is_smooth)| {
@@ -120,7 +120,14 @@ fn moving() -> impl Strategy<Value = Moving> {
                 false => (Interpolation::Linear, -1.0),
             };
             let (times, points) = (vec![start, 1.0], vec![way.map(|x| -x), way]);
-            Motion::Waypoints { times, points, interpolation, angles: vec![], orientations }
+            Motion::Waypoints {
+                times,
+                points,
+                interpolation,
+                angles: vec![],
+                orientations,
+                foreseen: false,
+            }
         }),
     ];
     let angular_velocity = prop_oneof![1 => Just([0.0; 3]), 2 => three(2.0)];

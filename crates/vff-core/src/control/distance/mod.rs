@@ -234,7 +234,7 @@ pub(super) mod tests {
             Just(Motion::default()),
             two().prop_map(|velocity| Motion::Linear { velocity }),
             (two(), 0.2..2.0, one()).prop_map(|(amplitude, angular_frequency, phase)| {
-                Motion::Sinusoid { amplitude, angular_frequency, phase }
+                Motion::Sinusoid { amplitude, angular_frequency, phase, foreseen: false }
             }),
             (two(), one(), any::<bool>()).prop_map(|([x, y], angle, is_smooth)| {
                 Motion::Waypoints {
@@ -248,6 +248,7 @@ pub(super) mod tests {
                     },
                     angles: vec![0.0, 3.0 * angle],
                     orientations: vec![],
+                    foreseen: false,
                 }
             }),
         ];

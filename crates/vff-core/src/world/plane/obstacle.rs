@@ -57,7 +57,12 @@ mod tests {
         assert_eq!((obstacle.angle, obstacle.angular_velocity), (0.5, -2.0));
         assert_eq!(
             obstacle.motion,
-            Motion::Sinusoid { amplitude: [0.0, 1.0], angular_frequency: 0.5, phase: 0.0 }
+            Motion::Sinusoid {
+                amplitude: [0.0, 1.0],
+                angular_frequency: 0.5,
+                phase: 0.0,
+                foreseen: false
+            }
         );
     }
 

@@ -126,6 +126,7 @@ mod tests {
                         amplitude: [0.0, 0.3, x],
                         angular_frequency: y,
                         phase: x,
+                        foreseen: false,
                     },
                 };
                 let sphere = Shape::Sphere { radius: 0.1 };

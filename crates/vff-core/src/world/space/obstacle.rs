@@ -89,7 +89,8 @@ mod tests {
                 motion: Motion::Sinusoid {
                     amplitude: [0.0, 1.0, 2.0],
                     angular_frequency: 0.5,
-                    phase: 0.0
+                    phase: 0.0,
+                    foreseen: false,
                 },
             }
         );

@@ -33,22 +33,23 @@ impl<const D: usize> Near<D> {
 pub struct Approach<const D: usize> {
     /// Signed distance \[m\].
     pub distance: f64,
-    /// Velocity of the obstacle at its nearest point \[m/s\], and whether it turns.
+    /// Velocity of the obstacle at its nearest point \[m/s\], and whether all of it goes on at that.
     velocity: Vector<D>,
-    turns: bool,
+    is_steady: bool,
 }
 
 impl<const D: usize> Approach<D> {
     #[inline(always)]
-    fn new(contact: &Contact<D>) -> Self {
+    fn new(contact: &Contact<D>, is_foreseen: bool) -> Self {
         let Contact { distance, velocity, spin, .. } = contact;
-        Self { distance: *distance, velocity: *velocity, turns: !spin.is_none() }
+        let is_steady = spin.is_none() && !is_foreseen;
+        Self { distance: *distance, velocity: *velocity, is_steady }
     }
 
     /// A speed that no point of the obstacle exceeds \[m/s\]; infinite where it turns, as other points may come faster than
-    /// the nearest does.
+    /// the nearest does, and where it is foreseen, as it may come faster later.
     pub fn speed(&self) -> f64 {
-        if self.turns { f64::INFINITY } else { self.velocity.norm() }
+        if self.is_steady { self.velocity.norm() } else { f64::INFINITY }
     }
 }
 
@@ -64,7 +65,7 @@ pub trait Prediction<const D: usize> {
     /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
     fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>);
 
-    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity: the
+    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity, or as it is foreseen: the
     /// nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
     fn predict(
         &self,
@@ -141,7 +142,9 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         found: &mut Vec<Near<D>>,
     ) -> Approach<D> {
         let visit = |contact: &Contact<D>| found.push(Near::new(contact));
-        self.approach_after(index, body, obstacle, after, reach, visit, Approach::new)
+        let is_foreseen = self.is_foreseen(obstacle);
+        let take = |contact: &Contact<D>| Approach::new(contact, is_foreseen);
+        self.approach_after(index, body, obstacle, after, reach, visit, take)
     }
 
     fn predict_needed(
@@ -158,7 +161,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
     }
 }
 
-/// Some of the obstacles, moved on for a while at their present velocities.
+/// Some of the obstacles, moved on for a while at their present velocities, or as they are foreseen.
 pub struct Later<'a, const D: usize> {
     /// All obstacles at present.
     pub surroundings: &'a dyn Prediction<D>,

@@ -1,0 +1,93 @@
+"""What look-ahead knows of later: a foreseen motion is believed, everything else goes on as it does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import ScenarioError
+
+LOOKS = {"controller.avoidance": "cbf", "controller.yielding.preview": {}}
+
+
+def around_a_cup(way: Any, times: Any, foreseen: bool, **changes: Any) -> vff.Result:
+    """A Panda that holds a cup still, and a ball that goes this way, seen from its hand."""
+    cup = vff.Scenario.load("panda-cup").replace(obstacles=[])
+    hand = vff.simulate(cup.replace(duration=0.01)).x[0, :3]
+    motion = vff.Motion.waypoints(times, hand + np.array(way), interpolation="smooth", foreseen=foreseen)
+    ball = vff.Obstacle.sphere(hand + way[0], 0.08, motion=motion)
+    return vff.simulate(cup.replace(obstacles=[ball], duration=times[-1], **(LOOKS | changes)))
+
+
+STOPS = ([[1.35, 0.0, 0.0], [0.35, 0.0, 0.0], [1.35, 0.0, 0.0]], [0.0, 1.25, 2.5])
+TURNS = ([[0.7, -1.2, 0.0], [0.7, 0.0, 0.0], [-0.2, 0.0, 0.0]], [0.0, 1.2, 2.1])
+
+
+def off(result: vff.Result) -> float:
+    return float(np.linalg.norm(result.error[:, :3], axis=1).max())
+
+
+def test_a_body_that_will_stop_is_not_run_from() -> None:
+    """By its speed it would hit the hand, which is let go; who knows that it stops holds the cup still."""
+    surprised, informed = (around_a_cup(*STOPS, foreseen) for foreseen in (False, True))
+    assert off(surprised) > 0.005
+    assert off(informed) < 1e-4
+    assert min(informed.metrics.min_clearance, surprised.metrics.min_clearance) > 0.15
+
+
+def test_a_body_that_will_turn_towards_the_hand_is_expected() -> None:
+    """It passes at a distance and turns round into the hand: who knows of it has to make less room."""
+    surprised, informed = (around_a_cup(*TURNS, foreseen) for foreseen in (False, True))
+    assert off(informed) < off(surprised) - 0.005
+    assert min(informed.metrics.min_clearance, surprised.metrics.min_clearance) > 0.015
+
+
+def test_nothing_but_look_ahead_depends_on_it() -> None:
+    """Bit for bit."""
+    for without in ({"controller.yielding.preview": None}, {"controller.avoidance": "priority"}):
+        changes = {"controller.yielding.preview": None} | without
+        one, other = (around_a_cup(*TURNS, foreseen, **changes) for foreseen in (False, True))
+        assert np.array_equal(one.tau, other.tau)
+
+
+def test_a_swing_can_be_foreseen() -> None:
+    """It goes back before it comes near."""
+    cup = vff.Scenario.load("panda-cup").replace(obstacles=[])
+    hand = vff.simulate(cup.replace(duration=0.01)).x[0, :3]
+    lost = []
+    for foreseen in (False, True):
+        motion = vff.Motion.sinusoid([0.5, 0.0, 0.0], 2.5, foreseen=foreseen)
+        ball = vff.Obstacle.sphere(hand + np.array([0.85, 0.0, 0.0]), 0.08, motion=motion)
+        lost.append(off(vff.simulate(cup.replace(obstacles=[ball], duration=3.0, **LOOKS))))
+    assert lost[0] > 0.005
+    assert lost[1] < 1e-4
+
+
+def test_it_is_written_and_read_again() -> None:
+    motion = vff.Motion.sinusoid([0.0, 0.1], 2.0, foreseen=True)
+    assert motion.to_dict()["foreseen"] is True
+    assert "foreseen" not in vff.Motion.sinusoid([0.0, 0.1], 2.0).to_dict()
+    with pytest.raises(ScenarioError, match="foreseen"):
+        vff.Motion("waypoints", (("times", (0.0,)), ("points", ((0.0, 0.0),)), ("foreseen", "perhaps")))
+
+
+def test_a_controller_is_given_one_forecast_after_the_other() -> None:
+    """What is around is said with every call: a later forecast takes the place of the one before."""
+    cup = vff.Scenario.load("panda-cup").replace(obstacles=[], **LOOKS)
+    settings = cup.to_dict()["controller"] | {"task": "position"}
+    start, rest = np.array(cup.to_dict()["q0"]), np.zeros(7)
+    hand = cup.arm.forward_kinematics(start)[0][:3]
+    away = hand + np.array([1.3, 0.0, 0.0])
+    found = {}
+    for name, end in (("comes", hand), ("stays", hand + np.array([0.6, 0.0, 0.0]))):
+        motion = vff.Motion.waypoints([0.0, 0.8], [away, end], foreseen=True)
+        ball = vff.Obstacle.sphere(away, 0.08, motion=motion)
+        controller = vff.Controller(cup.arm, settings)
+        for step in range(200):
+            found[name] = controller.torque(start, rest, hand, obstacles=[ball], t=0.001 * step)
+    alone = vff.Controller(cup.arm, settings).torque(start, rest, hand)
+    assert np.abs(found["stays"] - alone).max() < 1e-9
+    assert np.abs(found["comes"] - alone).max() > 0.1
