@@ -66,6 +66,15 @@ def test_a_swing_can_be_foreseen() -> None:
     assert lost[1] < 1e-4
 
 
+def test_a_body_with_joints_can_be_foreseen() -> None:
+    """An arm that reaches for the cup and is drawn back: every bone is known of, or none."""
+    person = vff.Body.reaching([0.9, 0.4, 0.8], [0.45, 0.0, 0.7], speed=0.8, seed=1)
+    for foreseen in (False, True):
+        motions = [each.to_dict()["motion"] for each in person.obstacles(foreseen=foreseen)]
+        assert len(motions) == 3
+        assert all(motion.get("foreseen", False) is foreseen for motion in motions)
+
+
 def test_it_is_written_and_read_again() -> None:
     motion = vff.Motion.sinusoid([0.0, 0.1], 2.0, foreseen=True)
     assert motion.to_dict()["foreseen"] is True

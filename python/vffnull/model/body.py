@@ -213,11 +213,17 @@ class Body:
         made.joints = self.joints @ rotation.T + array("position", position, (3,))
         return made
 
-    def obstacles(self) -> list[Obstacle]:
+    def obstacles(self, *, foreseen: bool = False) -> list[Obstacle]:
         """A capsule for each bone, or a ball, that moves as its two joints do.
 
         A capsule's middle is that of the joints and its axis along them, turned the shortest way from instant
         to instant; at the instants it holds both.
+
+        Parameters
+        ----------
+        foreseen : bool, optional
+            Whether look-ahead knows how it will move, as of a robot whose plan is known. People surprise:
+            it then takes each bone for one that goes on as it does at the moment.
 
         Raises
         ------
@@ -236,7 +242,7 @@ class Body:
             a, b = self.joints[:, first], self.joints[:, second]
             length = np.linalg.norm(b - a, axis=1)
             if length.max() < 1e-6:
-                made.append(Obstacle.sphere(a[0], radius, self._motion(a)))
+                made.append(Obstacle.sphere(a[0], radius, self._motion(a, foreseen)))
                 continue
             if length.min() < 1e-6:
                 raise InputError(
@@ -253,7 +259,7 @@ class Body:
                     f"times: {self._called(first, second)} turns by {angle:.0f}° from times[{k}] to "
                     f"times[{k + 1}]: which way? Give instants between"
                 )
-            motion = self._motion(middle, least_turns(along))
+            motion = self._motion(middle, foreseen, least_turns(along))
             shape = (("a", tuple((-half).tolist())), ("b", tuple(half.tolist())), ("radius", radius))
             still = (1.0, 0.0, 0.0, 0.0)
             made.append(
@@ -261,8 +267,10 @@ class Body:
             )
         return made
 
-    def _motion(self, points: Array, orientations: Array | None = None) -> Motion:
-        return Motion.waypoints(self.times, points, interpolation="smooth", orientations=orientations)
+    def _motion(self, points: Array, foreseen: bool = False, orientations: Array | None = None) -> Motion:
+        return Motion.waypoints(
+            self.times, points, interpolation="smooth", orientations=orientations, foreseen=foreseen
+        )
 
     def _called(self, first: int, second: int) -> str:
         return f"the bone from {self.names[first]} to {self.names[second]}"
