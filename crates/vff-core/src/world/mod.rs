@@ -259,6 +259,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         let obstacle = &mut self.obstacles[j];
         (obstacle.state, obstacle.time) = (obstacle.state_at(self.time), self.time);
         obstacle.turned = Some(Box::new(Turned { now: turning.at(self.time), turning }));
+        obstacle.may_be_faster();
         obstacle.is_static = false;
         self.rearrange();
     }
@@ -278,6 +279,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                 *none = Some(Box::new(Turned { now: turning.at(self.time), turning }));
             }
         }
+        obstacle.may_be_faster();
         obstacle.is_static = false;
         self.rearrange();
     }

@@ -19,8 +19,8 @@ pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) since: f64,
     /// Whether it neither moves nor turns, nor any part of it.
     pub(super) is_static: bool,
-    /// Whether later instants are those of its motion.
-    is_foreseen: bool,
+    /// Where later instants are those of its motion: a speed that no point of it exceeds \[m/s\].
+    foreseen: Option<f64>,
     /// How it turns, if it does.
     pub(super) turned: Option<Box<Turned<D>>>,
     /// The most contacts and barriers that it will have, where that is more than it has.
@@ -46,13 +46,14 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             time: 0.0,
             since: 0.0,
             is_static: false,
-            is_foreseen: description.motion().is_foreseen(),
+            foreseen: None,
             turned,
             room: 0,
             is_hidden: false,
             description,
         };
         this.is_static = this.stands_still();
+        this.foreseen = this.description.motion().is_foreseen().then(|| this.any_speed());
         this
     }
 
@@ -77,21 +78,37 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
 
     /// Lets it move otherwise.
     pub(super) fn set_motion(&mut self, motion: Motion<D>) {
-        self.is_foreseen = motion.is_foreseen();
+        let is_foreseen = motion.is_foreseen();
         self.description.set_motion(motion);
+        self.foreseen = is_foreseen.then(|| self.any_speed());
     }
 
-    /// Whether the state after a while is that of its motion, not one that goes on as it is.
+    /// Where the state after a while is that of its motion, not one that goes on as it is: a speed that no point of it ever
+    /// exceeds \[m/s\].
     #[inline]
-    pub(super) fn is_foreseen(&self) -> bool {
-        self.is_foreseen
+    pub(super) fn foreseen(&self) -> Option<f64> {
+        self.foreseen
+    }
+
+    /// Forgets how fast it is at most: it turns otherwise from now on, or parts of it move otherwise.
+    pub(super) fn may_be_faster(&mut self) {
+        self.foreseen = self.foreseen.map(|_| f64::INFINITY);
+    }
+
+    /// A speed that no point of its surface ever exceeds \[m/s\].
+    fn any_speed(&self) -> f64 {
+        let turns_without_end = self.turned.is_some() && !self.geometry.reach().is_finite();
+        if turns_without_end || self.geometry.speed() > 0.0 {
+            return f64::INFINITY;
+        }
+        self.top_speed(self.since)
     }
 
     /// The state at time `t` \[s\], carried on for `after` \[s\]: at its velocity, or as it is foreseen. Without a copy between,
     /// which processors wait for.
     #[inline(always)]
     pub(super) fn state_after(&self, t: f64, after: f64) -> MotionState<D> {
-        if self.is_foreseen {
+        if self.foreseen.is_some() {
             return self.moved_to(t + after);
         }
         if self.is_at(t) { self.state.after(after) } else { self.moved_to(t).after(after) }
@@ -118,7 +135,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
     /// How it is turned at time `t` \[s\], carried on for `after` \[s\] likewise.
     #[inline]
     pub(super) fn turn_after(&self, t: f64, after: f64) -> Option<Turn<D>> {
-        if self.is_foreseen {
+        if self.foreseen.is_some() {
             return self.turned.as_ref().map(|turned| turned.turning.at(t + after));
         }
         self.turn_at(t).map(|turn| turn.after(after))

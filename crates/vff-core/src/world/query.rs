@@ -98,11 +98,11 @@ pub trait CollisionQuery<const D: usize> {
         self.for_each_barrier(bodies, reach, visit);
     }
 
-    /// Whether an obstacle that is carried on goes where its motion has it, faster or slower than now: see
-    /// [`Motion::is_foreseen`](super::Motion::is_foreseen).
-    fn is_foreseen(&self, obstacle: usize) -> bool {
+    /// Of an obstacle that is carried on where its motion has it, faster or slower than now: a speed that no point of it
+    /// exceeds \[m/s\]. None of one that goes on as it does; see [`Motion::is_foreseen`](super::Motion::is_foreseen).
+    fn foreseen(&self, obstacle: usize) -> Option<f64> {
         let _ = obstacle;
-        false
+        None
     }
 
     /// The contact of body number `index` with `obstacle`, were that carried on for `after` \[s\], or back for −`after`, at
@@ -434,8 +434,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.barriers
     }
 
-    fn is_foreseen(&self, obstacle: usize) -> bool {
-        self.obstacles[obstacle].is_foreseen()
+    fn foreseen(&self, obstacle: usize) -> Option<f64> {
+        self.obstacles[obstacle].foreseen()
     }
 
     fn hull_barrier_count(&self) -> usize {

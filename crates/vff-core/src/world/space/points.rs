@@ -130,6 +130,7 @@ impl World {
         swap(given, &mut points.given);
         swap(cloud, &mut points.cloud);
         placed.since = points.since.replace(placed.since).unwrap_or(time);
+        placed.may_be_faster();
         let stands_still = placed.stands_still();
         let was_static = replace(&mut placed.is_static, stands_still);
         placed.move_to(time);

@@ -33,23 +33,28 @@ impl<const D: usize> Near<D> {
 pub struct Approach<const D: usize> {
     /// Signed distance \[m\].
     pub distance: f64,
-    /// Velocity of the obstacle at its nearest point \[m/s\], and whether all of it goes on at that.
+    /// Velocity of the obstacle at its nearest point \[m/s\], and whether it turns.
     velocity: Vector<D>,
-    is_steady: bool,
+    turns: bool,
+    /// The speed that it never exceeds where it is foreseen \[m/s\].
+    foreseen: Option<f64>,
 }
 
 impl<const D: usize> Approach<D> {
     #[inline(always)]
-    fn new(contact: &Contact<D>, is_foreseen: bool) -> Self {
+    fn new(contact: &Contact<D>, foreseen: Option<f64>) -> Self {
         let Contact { distance, velocity, spin, .. } = contact;
-        let is_steady = spin.is_none() && !is_foreseen;
-        Self { distance: *distance, velocity: *velocity, is_steady }
+        Self { distance: *distance, velocity: *velocity, turns: !spin.is_none(), foreseen }
     }
 
-    /// A speed that no point of the obstacle exceeds \[m/s\]; infinite where it turns, as other points may come faster than
-    /// the nearest does, and where it is foreseen, as it may come faster later.
+    /// A speed that no point of the obstacle exceeds, now or later \[m/s\]; infinite where it turns and is not foreseen, as other
+    /// points may come faster than the nearest does.
     pub fn speed(&self) -> f64 {
-        if self.is_steady { self.velocity.norm() } else { f64::INFINITY }
+        match self.foreseen {
+            Some(speed) => speed,
+            None if self.turns => f64::INFINITY,
+            None => self.velocity.norm(),
+        }
     }
 }
 
@@ -142,8 +147,8 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         found: &mut Vec<Near<D>>,
     ) -> Approach<D> {
         let visit = |contact: &Contact<D>| found.push(Near::new(contact));
-        let is_foreseen = self.is_foreseen(obstacle);
-        let take = |contact: &Contact<D>| Approach::new(contact, is_foreseen);
+        let foreseen = self.foreseen(obstacle);
+        let take = |contact: &Contact<D>| Approach::new(contact, foreseen);
         self.approach_after(index, body, obstacle, after, reach, visit, take)
     }
 
