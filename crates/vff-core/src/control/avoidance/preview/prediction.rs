@@ -70,8 +70,8 @@ pub trait Prediction<const D: usize> {
     /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
     fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>);
 
-    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity, or as it is foreseen: the
-    /// nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
+    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity, or as it
+    /// is foreseen: the nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
     fn predict(
         &self,
         index: usize,
