@@ -53,7 +53,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             description,
         };
         this.is_static = this.stands_still();
-        this.foreseen = this.description.motion().is_foreseen().then(|| this.any_speed());
+        this.foresee();
         this
     }
 
@@ -78,9 +78,13 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
 
     /// Lets it move otherwise.
     pub(super) fn set_motion(&mut self, motion: Motion<D>) {
-        let is_foreseen = motion.is_foreseen();
         self.description.set_motion(motion);
-        self.foreseen = is_foreseen.then(|| self.any_speed());
+        self.foresee();
+    }
+
+    /// Takes in whether its motion is foreseen, and how fast that is at most.
+    fn foresee(&mut self) {
+        self.foreseen = self.description.motion().is_foreseen().then(|| self.any_speed());
     }
 
     /// Where the state after a while is that of its motion, not one that goes on as it is: a speed that no point of it ever
