@@ -302,7 +302,7 @@ def sizes(outcome: vff.Evaluation) -> str:
         for name in CBF:
             rows = outcome.where(family=family, controller=name)
             rates = [str(rows.feasible.where(n=n).rate("collided")) for n in SIZES]
-            rates += [str(rows.where(feasibility="with tip", n=n).rate("success")) for n in SIZES]
+            rates += [str(rows.with_tip.where(n=n).rate("success")) for n in SIZES]
             lines.append(f"| {family} | {name} | {' | '.join(rates)} |")
     return "\n".join(lines) + "\n"
 
@@ -324,9 +324,9 @@ def elsewhere(outcome: vff.Evaluation) -> str:
             rows = outcome.where(family=family, controller=name).feasible
             cells = [
                 str(rows.rate("collided")),
-                str(rows.where(feasibility="with tip").rate("collided")),
+                str(rows.with_tip.rate("collided")),
                 str(rows.rate("success")),
-                str(rows.where(feasibility="with tip").rate("success")),
+                str(rows.with_tip.rate("success")),
                 there.get(family, "–"),
             ]
             lines.append(f"| {family} | {name} | {' | '.join(cells)} |")
@@ -372,7 +372,7 @@ def parameters() -> str:
         cells = []
         for family in scenes.FAMILIES:
             rows = found.where(controller=name, family=family)
-            hit, held = rows.feasible.rate("collided"), rows.where(feasibility="with tip").rate("success")
+            hit, held = rows.feasible.rate("collided"), rows.with_tip.rate("success")
             cells.append(f"{hit.count} of {hit.total} / {held.count} of {held.total}")
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

@@ -78,8 +78,8 @@ def main(count: int) -> None:
                 seed=scenes.EVALUATION.start,
             )
             for name in CONTROLLERS:
-                feasible = outcome.where(controller=name).feasible
-                with_tip = feasible.where(feasibility="with tip")
+                of = outcome.where(controller=name)
+                feasible, with_tip = of.feasible, of.with_tip
                 cells = (
                     f"{feasible.rate('collided')} | {feasible.rate('returned')} | {with_tip.rate('returned')}"
                 )

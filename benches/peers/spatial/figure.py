@@ -28,7 +28,7 @@ def draw(outcome: vff.Evaluation, taken: dict[str, Array], path: Path) -> None:
                 interval(hit, rows.rate("collided"), place + shift, colour, MARKS[i], family)
         kinds = (
             ("returned", lambda rows: rows.feasible),
-            ("success", lambda rows: rows.where(feasibility="with tip")),
+            ("success", lambda rows: rows.with_tip),
         )
         for i, (what, chosen) in enumerate(kinds):
             for place, name in zip(places, names, strict=True):

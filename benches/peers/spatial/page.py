@@ -89,7 +89,7 @@ def by_arm(outcome: vff.Evaluation) -> str:
     for name in outcome.controllers:
         every = [outcome.where(controller=name, arm=arm, task=task).feasible for arm, task in kinds]
         hit = [each.rate("collided") for each in every]
-        held = [each.where(feasibility="with tip").rate("success") for each in every]
+        held = [each.with_tip.rate("success") for each in every]
         body.append([name, *(f"{each.count} of {each.total}" for each in hit + held)])
     head = [
         "where an escape exists",

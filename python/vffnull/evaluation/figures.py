@@ -38,7 +38,7 @@ def rates(evaluation: Table) -> Figure:
     colours = style.joint_colours(len(names))
     for column, family in enumerate(evaluation.families):
         rows = evaluation.where(family=family)
-        of_tip = rows.where(feasibility="with tip")
+        of_tip = rows.with_tip
         for ax, (what, scenes) in zip(
             axes[:, column], (("collided", rows.feasible), ("success", of_tip)), strict=True
         ):

@@ -118,7 +118,7 @@ class Table:
             "collisions": self.rate("collided"),
             "collisions_feasible": self.feasible.rate("collided"),
             "success": self.rate("success"),
-            "success_feasible_with_tip": self.where(feasibility=VERDICTS[0]).rate("success"),
+            "success_feasible_with_tip": self.with_tip.rate("success"),
             "returned_feasible": self.feasible.rate("returned"),
             "diverged": self.rate("diverged"),
         }
@@ -127,6 +127,11 @@ class Table:
     def feasible(self) -> Self:
         """The rows of scenes in which an escape has been found."""
         return self.where(feasibility=VERDICTS[:2])
+
+    @property
+    def with_tip(self) -> Self:
+        """The rows of scenes in which an escape has been found that holds the tip."""
+        return self.where(feasibility=VERDICTS[0])
 
     @property
     def families(self) -> list[str]:
