@@ -13,13 +13,21 @@ from vffnull.errors import ScenarioError
 LOOKS = {"controller.avoidance": "cbf", "controller.yielding.preview": {}}
 
 
+CUP = vff.Scenario.load("panda-cup").replace(obstacles=[])
+HAND, TURN = CUP.arm.pose(CUP.to_dict()["q0"])
+
+
+def passed(place: Any, motion: vff.Motion, duration: float, **changes: Any) -> vff.Result:
+    """A Panda that takes a cup along a line, and a ball that moves from a place on."""
+    ball = vff.Obstacle.sphere(place, 0.08, motion=motion)
+    return vff.simulate(CUP.replace(obstacles=[ball], duration=duration, **(LOOKS | changes)))
+
+
 def around_a_cup(way: Any, times: Any, foreseen: bool, **changes: Any) -> vff.Result:
-    """A Panda that holds a cup still, and a ball that goes this way, seen from its hand."""
-    cup = vff.Scenario.load("panda-cup").replace(obstacles=[])
-    hand = vff.simulate(cup.replace(duration=0.01)).x[0, :3]
-    motion = vff.Motion.waypoints(times, hand + np.array(way), interpolation="smooth", foreseen=foreseen)
-    ball = vff.Obstacle.sphere(hand + way[0], 0.08, motion=motion)
-    return vff.simulate(cup.replace(obstacles=[ball], duration=times[-1], **(LOOKS | changes)))
+    """The same, with a ball that goes this way, seen from the hand at the start."""
+    points = HAND + np.array(way)
+    motion = vff.Motion.waypoints(times, points, interpolation="smooth", foreseen=foreseen)
+    return passed(points[0], motion, times[-1], **changes)
 
 
 STOPS = ([[1.35, 0.0, 0.0], [0.35, 0.0, 0.0], [1.35, 0.0, 0.0]], [0.0, 1.25, 2.5])
@@ -31,7 +39,7 @@ def off(result: vff.Result) -> float:
 
 
 def test_a_body_that_will_stop_is_not_run_from() -> None:
-    """By its speed it would hit the hand, which is let go; who knows that it stops holds the cup still."""
+    """By its speed it would hit the hand, which is let go; who knows that it stops keeps to the line."""
     surprised, informed = (around_a_cup(*STOPS, foreseen) for foreseen in (False, True))
     assert off(surprised) > 0.005
     assert off(informed) < 1e-4
@@ -47,21 +55,18 @@ def test_a_body_that_will_turn_towards_the_hand_is_expected() -> None:
 
 def test_nothing_but_look_ahead_depends_on_it() -> None:
     """Bit for bit."""
-    for without in ({"controller.yielding.preview": None}, {"controller.avoidance": "priority"}):
-        changes = {"controller.yielding.preview": None} | without
+    for avoidance in ("cbf", "priority"):
+        changes = {"controller.yielding.preview": None, "controller.avoidance": avoidance}
         one, other = (around_a_cup(*TURNS, foreseen, **changes) for foreseen in (False, True))
         assert np.array_equal(one.tau, other.tau)
 
 
 def test_a_swing_can_be_foreseen() -> None:
     """It goes back before it comes near."""
-    cup = vff.Scenario.load("panda-cup").replace(obstacles=[])
-    hand = vff.simulate(cup.replace(duration=0.01)).x[0, :3]
     lost = []
     for foreseen in (False, True):
         motion = vff.Motion.sinusoid([0.5, 0.0, 0.0], 2.5, foreseen=foreseen)
-        ball = vff.Obstacle.sphere(hand + np.array([0.85, 0.0, 0.0]), 0.08, motion=motion)
-        lost.append(off(vff.simulate(cup.replace(obstacles=[ball], duration=3.0, **LOOKS))))
+        lost.append(off(passed(HAND + np.array([0.85, 0.0, 0.0]), motion, 3.0)))
     assert lost[0] > 0.005
     assert lost[1] < 1e-4
 
@@ -85,17 +90,15 @@ def test_it_is_written_and_read_again() -> None:
 
 def test_a_controller_is_given_one_forecast_after_the_other() -> None:
     """What is around is said with every call: a later forecast takes the place of the one before."""
-    cup = vff.Scenario.load("panda-cup").replace(obstacles=[], **LOOKS)
-    settings = dict(cup["controller"])
-    start, rest = np.array(cup.to_dict()["q0"]), np.zeros(7)
-    hand, orientation = cup.arm.pose(start)
-    away = hand + np.array([1.3, 0.0, 0.0])
-    alone = vff.Controller(cup.arm, settings).torque(start, rest, (hand, orientation))
-    controller = vff.Controller(cup.arm, settings)
-    for begin, end, runs_away in ((0.0, hand + np.array([0.6, 0.0, 0.0]), False), (0.2, hand, True)):
+    settings = dict(CUP.replace(**LOOKS)["controller"])
+    start, rest, reference = np.array(CUP.to_dict()["q0"]), np.zeros(7), (HAND, TURN)
+    away = HAND + np.array([1.3, 0.0, 0.0])
+    alone = vff.Controller(CUP.arm, settings).torque(start, rest, reference)
+    controller = vff.Controller(CUP.arm, settings)
+    for begin, end, runs_away in ((0.0, HAND + np.array([0.6, 0.0, 0.0]), False), (0.2, HAND, True)):
         motion = vff.Motion.waypoints([begin, begin + 0.5], [away, end], foreseen=True)
         ball = vff.Obstacle.sphere(away, 0.15, motion=motion)
         for step in range(200):
             t = begin + 0.001 * step
-            tau = controller.torque(start, rest, (hand, orientation), obstacles=[ball], t=t)
+            tau = controller.torque(start, rest, reference, obstacles=[ball], t=t)
         assert (np.abs(tau - alone).max() > 1.0) == runs_away
