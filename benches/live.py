@@ -31,6 +31,8 @@ DRAWN = """() => new Promise(done => {
 })"""
 SETTLED = 5.0
 """After so long [s] a browser that has just been started works no more on its own."""
+BEGUN = 60.0
+"""So long after its first picture [s] a page that has not begun is given up."""
 WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
@@ -83,6 +85,11 @@ def look(browser: Browser, name: str, seconds: float) -> str:
     page = vff.live(name, open_browser=False, block=False)
     try:
         tab, heard = opened(browser, page.url)
+        due = time.perf_counter() + BEGUN
+        while not page._seen or page._held_until is not None:  # time waits for the first picture
+            if time.perf_counter() > due:
+                raise SystemExit(f"{name}: time has not begun after {BEGUN:g} s")
+            tab.wait_for_timeout(100)
         tab.wait_for_timeout(3000)
         before, sent = page.snapshot(), len(heard)
         pictures = tab.evaluate(DRAWN % (1000 * seconds))
@@ -91,6 +98,8 @@ def look(browser: Browser, name: str, seconds: float) -> str:
     finally:
         page.stop()
     periods = after["periods"] - before["periods"]
+    if not periods:
+        raise SystemExit(f"{name}: the loop has stopped: {after['status']}")
     missed = 100 * (after["missed"] - before["missed"]) / periods
     loop = f"{after['rate']:.0f} | {missed:.2f} | {1e6 * after['worst']:.0f}"
     return f"| {name} | {listens:.1f} | {opens:.1f} | {work:.1f} | {loop} | {pictures:.0f} | {messages:.0f} |"

@@ -100,6 +100,16 @@ def test_a_visitor_who_leaves_lets_time_begin(page: Any) -> None:
     wait_for(lambda: page.snapshot()["t"] > 0.05)
 
 
+def test_a_browser_that_never_says_what_it_has_drawn_lets_time_begin(
+    page: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is asked to take the camera, and does not answer."""
+    monkeypatch.setattr(sys.modules["vffnull.live.page"], "FIRST", 0.5)
+    obey(page._welcome(Client(0.84)))
+    wait_for(lambda: page.snapshot()["status"] == "paused")
+    wait_for(lambda: page.snapshot()["t"] > 0.05)
+
+
 def test_a_phone_shows_the_plane_above_its_controls() -> None:
     """They cover the lower three fifths of a picture that stands upright."""
     box = (-1.0, 3.0, -0.5, 1.5)

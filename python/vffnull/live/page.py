@@ -24,7 +24,7 @@ from vffnull.live.plots import Plots
 from vffnull.live.quiet import quiet, uncover
 from vffnull.live.recording import Recording
 from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
-from vffnull.live.sliders import said
+from vffnull.live.sliders import said, unprojected
 from vffnull.model.headline import Finding, findings
 from vffnull.model.record import Layout
 from vffnull.model.scenario import Scenario
@@ -36,11 +36,8 @@ ASPECT = 0.92
 """Width over height of the picture, until the browser says what it is."""
 READ = 0.15
 """Between two updates of the numbers [s]."""
-
-
-def unprojected(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a controller whose field pushes the tip, too."""
-    return {**copy.deepcopy(dict(settings)), "projection": "none"}
+FIRST = 10.0
+"""Time waits no longer than this for the first picture [s]: a browser may never say that it has drawn."""
 
 
 class LivePage:
@@ -83,7 +80,7 @@ class LivePage:
         self._put: set[int] = set()  # obstacles that somebody has moved
         self._shadows = False
         self._seen = False
-        self._held = False
+        self._held_until: float | None = None
         self._memory = Memory()
         self._folder = folder
         self._recording: Recording | None = None
@@ -172,7 +169,7 @@ class LivePage:
         self._plots.clear(task != "position")
 
     def _run(self, on: bool) -> None:
-        self._held = False
+        self._held_until = None
         for live in self._loops():
             live.start() if on else live.pause()
 
@@ -501,7 +498,7 @@ class LivePage:
                 for live in self._loops():
                     live.reset()
                 self._run(False)
-                self._held = True
+                self._held_until = time.monotonic() + FIRST
                 self._memory.clear()
                 self._clear_plots()
 
@@ -531,7 +528,7 @@ class LivePage:
     def _begin(self) -> None:
         """Let time begin, if it has waited for the first picture."""
         with self._lock:
-            if self._held and not self._over.is_set():
+            if self._held_until is not None and not self._over.is_set():
                 self._run(True)
 
     def _box(self) -> tuple[float, ...]:
@@ -548,6 +545,8 @@ class LivePage:
         while not self._over.is_set():
             due = max(due + FRAME, time.monotonic() - FRAME)
             with self._lock:
+                if self._held_until is not None and due > self._held_until:
+                    self._begin()
                 present = state = self._live.snapshot()
                 other = self._ghost.snapshot() if self._ghost is not None else None
                 if state["status"] == "running":

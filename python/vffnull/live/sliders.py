@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -51,6 +52,11 @@ def levels(settings: Mapping[str, Any]) -> dict[str, float]:
 def said(controller: Mapping[str, Any], key: str) -> Any:
     """What settings of the controller say at a key, or the default of the key."""
     return setting({"controller": controller}, f"controller.{key}")
+
+
+def unprojected(controller: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a controller whose field pushes the tip, too."""
+    return {**copy.deepcopy(dict(controller)), "projection": "none"}
 
 
 def first(value: Any) -> float:
