@@ -256,6 +256,12 @@ OPTIONS: dict[str, Option] = {
     "felt": Option(_solid, exact=False),
     "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
     "clouds": Option(_cloud),
+    "load": Option(
+        lambda scene: _of_dimension(
+            scene, {}, {"arm.load": {"mass": 0.5, "shapes": [{"kind": "box", "size": [0.1, 0.1, 0.1]}]}}
+        ),
+        yields_less=True,  # what comes near the hand meets it
+    ),
     "boxes on links": Option(lambda scene: _boxes(scene) if scene.arm.dimension == 3 else {}),
     "Runge-Kutta": Option(lambda _: {"simulation.integrator": "rk4"}),
     "Euler": Option(lambda _: {"simulation.integrator": "semi_implicit_euler"}),

@@ -225,7 +225,7 @@ def test_a_live_page_draws_the_robot_s_own_meshes(robot: Any, tmp_path: Path) ->
     pytest.importorskip("viser")
     path, arm, _ = robot
     scenario = {
-        "arm": arm,
+        "arm": arm | {"load": {"shapes": [{"kind": "box", "size": [0.1, 0.1, 0.1]}]}},  # which no file draws
         "q0": [0.3, 0.5],
         "duration": 1.0,
         "controller": {"task": "position", "stiffness": 20.0, "damping": 9.0},
@@ -239,7 +239,7 @@ def test_a_live_page_draws_the_robot_s_own_meshes(robot: Any, tmp_path: Path) ->
     try:
         frames(page)
         (link, hand) = page._scene._arms.links
-        assert len(link) == 1 and len(hand) == 2 and len(link[0].faces) == 12
+        assert len(link) == 1 and len(hand) == 3 and len(link[0].faces) == 12
         assert page._panel._meshes.visible
         page.show_meshes(False)
         assert len(page._scene._arms.links[0][0].faces) > 100  # the ball that collides

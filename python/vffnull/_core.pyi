@@ -133,7 +133,13 @@ class Arm:
         torque_limits: ArrayLike | None = None,
         velocity_limits: ArrayLike | None = None,
     ) -> Arm: ...
-    def with_load(self, mass: float, com: ArrayLike | None = None, inertia: ArrayLike | None = None) -> Arm:
+    def with_load(
+        self,
+        mass: float,
+        com: ArrayLike | None = None,
+        inertia: ArrayLike | None = None,
+        shapes: Sequence[Mapping[str, object]] | None = None,
+    ) -> Arm:
         """The same arm with something at its tip, as part of the last link.
 
         Parameters
@@ -143,7 +149,11 @@ class Arm:
         com : (3,) array_like, optional
             Its centre of mass in the frame of the tool [m]; at the tip by default, and always in the plane.
         inertia : (6,) array_like, optional
-            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point by default.
+            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
+        shapes : sequence of dict, optional
+            What of it can touch something, in the frame of the tool, each as in ``[[arm.collision]]``:
+            ``{"kind": "box", "size": …}``. Centre of mass and moments of inertia are then those of the shapes
+            by default, as of one material. In space alone.
 
         Raises
         ------
@@ -155,6 +165,9 @@ class Arm:
         >>> panda = Arm.named("panda")
         >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
         1.5
+        >>> tray = {"kind": "box", "size": [0.3, 0.2, 0.02]}
+        >>> len(panda.with_load(0.6, shapes=[tray]).collision) - len(panda.collision)
+        1
         """
 
     def with_tool(self, position: ArrayLike, orientation: ArrayLike | None = None) -> Arm:

@@ -4,6 +4,7 @@ use crate::ffi_guard::{guarded, numbers, object, place, room};
 use crate::robot::{Robot, hand_out};
 use crate::status::{Fault, Status};
 use toml::Table;
+use vff_core::scenario::LoadSpec;
 
 /// The Jacobian of the tip at q, row by row: in space 6 × n numbers, linear then angular in world axes; in the plane 2 × n, of its
 /// position. Allocates.
@@ -69,14 +70,14 @@ pub unsafe extern "C" fn vff_robot_with_load(
     guarded(|| unsafe {
         let (arm, to) = (&object("robot", robot)?.arm, place("loaded", loaded)?);
         numbers("mass", &raw const mass, 1, 1)?;
-        let (mut centre, mut moments) = ([0.0; 3], [0.0; 6]);
+        let mut load = LoadSpec { mass, ..LoadSpec::default() };
         if !com.is_null() {
-            centre.copy_from_slice(numbers("com", com, 3, 3)?);
+            load.com.insert([0.0; 3]).copy_from_slice(numbers("com", com, 3, 3)?);
         }
         if !inertia.is_null() {
-            moments.copy_from_slice(numbers("inertia", inertia, 6, 6)?);
+            load.inertia.insert([0.0; 6]).copy_from_slice(numbers("inertia", inertia, 6, 6)?);
         }
-        let made = arm.with_load(mass, centre, moments, Table::new());
+        let made = arm.with_load(&load, Table::new());
         hand_out(made.map(|(arm, _)| Robot { arm }).map_err(Fault::from), to)
     })
 }

@@ -3,7 +3,7 @@
 use std::ffi::{CStr, CString};
 use std::ptr::{null, null_mut};
 use vff_core::runtime::{AnyArm, AnyController, Reading};
-use vff_core::scenario::Scenario;
+use vff_core::scenario::{LoadSpec, Scenario};
 use vffnull::*;
 
 const READY: [f64; 7] = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8];
@@ -159,7 +159,8 @@ fn another_law_takes_over_without_a_step() {
     assert!(first < 0.01 && largest < 1.0, "{first} {largest}");
     // It is the law that was asked for.
     let arm = AnyArm::read(&"model = 'panda'".parse().unwrap()).unwrap();
-    let (arm, _) = arm.with_load(2.0, [0.0, 0.0, 0.05], [0.0; 6], toml::Table::new()).unwrap();
+    let load = LoadSpec { mass: 2.0, com: Some([0.0, 0.0, 0.05]), ..LoadSpec::default() };
+    let (arm, _) = arm.with_load(&load, toml::Table::new()).unwrap();
     let table = stiff.to_str().unwrap().parse().unwrap();
     let mut expected = AnyController::new(&arm, &table).unwrap();
     let zeros = [0.0; 7];

@@ -110,7 +110,11 @@ impl Arm {
     /// com : (3,) array_like, optional
     ///     Its centre of mass in the frame of the tool [m]; at the tip by default, and always in the plane.
     /// inertia : (6,) array_like, optional
-    ///     Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point by default.
+    ///     Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
+    /// shapes : sequence of dict, optional
+    ///     What of it can touch something, in the frame of the tool, each as in ``[[arm.collision]]``:
+    ///     ``{"kind": "box", "size": …}``. Centre of mass and moments of inertia are then those of the shapes
+    ///     by default, as of one material. In space alone.
     ///
     /// Raises
     /// ------
@@ -122,14 +126,18 @@ impl Arm {
     /// >>> panda = Arm.named("panda")
     /// >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
     /// 1.5
-    #[pyo3(signature = (mass, com=None, inertia=None))]
+    /// >>> tray = {"kind": "box", "size": [0.3, 0.2, 0.02]}
+    /// >>> len(panda.with_load(0.6, shapes=[tray]).collision) - len(panda.collision)
+    /// 1
+    #[pyo3(signature = (mass, com=None, inertia=None, shapes=None))]
     fn with_load(
         &self,
         mass: &Bound<'_, PyAny>,
         com: Option<&Bound<'_, PyAny>>,
         inertia: Option<&Bound<'_, PyAny>>,
+        shapes: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        with_load(self, mass, com, inertia)
+        with_load(self, mass, com, inertia, shapes)
     }
 
     /// The same arm in space with its tip elsewhere. What a tool weighs is a load (`with_load`).

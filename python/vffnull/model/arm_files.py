@@ -26,7 +26,7 @@ _READ = (
 _FILES = ("urdf", "mjcf")
 
 _CHANGED = ("name", "payload", "reach", "joint_limits", "velocity_limits", "torque_limits", "ignore")
-"""What replaces what was read, or is added to it."""
+"""What replaces what was read, or is added to it; so is a `load`, which the core adds."""
 
 
 def anchored(document: Document, folder: Path) -> Document:
@@ -90,8 +90,8 @@ def _read(arm: Mapping[str, Any]) -> Document:
                 f"arm.{key}: the {kind.upper()} says which arm it is: give `{kind}` or `{key}`", f"arm.{key}"
             )
     reads = tuple(key for key in _READ if kind == "urdf" or key != "packages")
-    if strange := sorted(set(arm) - {kind, "collision", *reads, *_CHANGED}):
-        allowed = ", ".join(f"`{key}`" for key in (kind, "collision", *reads, *_CHANGED))
+    if strange := sorted(set(arm) - {kind, "collision", *reads, *_CHANGED, "load"}):
+        allowed = ", ".join(f"`{key}`" for key in (kind, "collision", *reads, *_CHANGED, "load"))
         raise ScenarioError(f"arm: unknown key `{strange[0]}` beside `{kind}`; allowed: {allowed}", "arm")
     shapes = arm.get("collision", "fit")
     asked = {key: arm[key] for key in reads if key in arm}
@@ -103,7 +103,7 @@ def _read(arm: Mapping[str, Any]) -> Document:
         if not isinstance(shapes, str):
             changes["collision"] = shapes
         changes["ignore"] = [*found.get("ignore", []), *changes.get("ignore", [])]
-        return _core.check_arm(found | changes)
+        return _core.check_arm(found | changes) | {key: arm[key] for key in ("load",) if key in arm}
     except (InputError, InputTypeError) as error:
         text = str(error).removeprefix(f"{kind}: ").replace("use from_mjcf", "`[arm] mjcf = …` reads it")
         raise ScenarioError(f"arm.{kind}: {text}", f"arm.{kind}") from None

@@ -2,11 +2,14 @@
 
 use super::description_error::{DescriptionError, DescriptionProblem, fault, finite, unit};
 use super::frame::Frame;
-use crate::geometry::{Hull, Shape, ShapeFault, WithKind};
+use super::inertia::Body;
+use super::solid;
+use crate::geometry::{Hull, Shape, ShapeFault, WithKind, faces_of_hull};
 use crate::math::{Capsule, Vector, upright};
 use crate::settings::POSITIVE;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Translation3};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A shape on a link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -89,6 +92,42 @@ impl PlacedShape {
         self.shape.check().map_err(|error| refused(path, error))
     }
 
+    /// Checks it below `path`, and what of it is solid, as a body of 1 kg/m³.
+    ///
+    /// # Errors
+    /// As of the shape of a link.
+    pub fn checked_solid(&mut self, path: &str) -> Result<Body, DescriptionError> {
+        self.check(path)?;
+        let Some((key, corners)) = self.corners() else {
+            return Ok(solid::capsule(&self.solid(path, |point| point)?.0));
+        };
+        let faces = faces_of_hull(&corners)
+            .map_err(|error| refused(path, ShapeFault::stated(key, error.to_string())))?;
+        Ok(solid::polyhedron(&corners, &faces))
+    }
+
+    /// The same shape in a frame in which its own has this pose.
+    #[must_use]
+    pub fn moved(&self, pose: &Isometry3<f64>) -> Self {
+        let placed = |p: [f64; 3]| <[f64; 3]>::from((pose * Point3::from(p)).coords);
+        let shape = match &self.shape {
+            Shape::Capsule { a, b, radius } => {
+                Shape::Capsule { a: placed(*a), b: placed(*b), radius: *radius }
+            }
+            Shape::Convex { vertices } => {
+                Shape::Convex { vertices: vertices.iter().map(|p| placed(*p)).collect() }
+            }
+            other => other.clone(),
+        };
+        let Self { center, orientation, .. } = *self;
+        let turned = |orientation: [f64; 4]| {
+            let own = Isometry3::from(Frame { orientation, ..Frame::default() });
+            Frame::from(Isometry3::from_parts(Translation3::identity(), pose.rotation) * own)
+                .orientation
+        };
+        Self { shape, center: center.map(placed), orientation: orientation.map(turned) }
+    }
+
     /// The capsule that it is, or the hull and a capsule that holds it, in a frame in which its points are `placed`.
     ///
     /// # Errors
@@ -98,37 +137,43 @@ impl PlacedShape {
         path: &str,
         placed: impl Fn(Vector<3>) -> Vector<3>,
     ) -> Result<(Capsule<3>, Option<Hull>), DescriptionError> {
-        let frame = Isometry3::from(Frame {
-            position: self.center.unwrap_or_default(),
-            orientation: self.orientation.unwrap_or_else(upright),
-        });
         let round = |[a, b]: [[f64; 3]; 2], radius: f64| {
             (swept(placed(a.into()), placed(b.into()), radius), None)
         };
-        let hull = |key: &str, points: &[[f64; 3]]| {
+        if let Some((key, points)) = self.corners() {
             let points: Vec<[f64; 3]> =
                 points.iter().map(|point| placed((*point).into()).into()).collect();
             let (hull, around) = Hull::with_capsule(&points)
                 .map_err(|error| refused(path, ShapeFault::stated(key, error.to_string())))?;
-            Ok((around, Some(hull)))
-        };
+            return Ok((around, Some(hull)));
+        }
         match &self.shape {
             Shape::Sphere { radius } => Ok(round([self.center.unwrap_or_default(); 2], *radius)),
             Shape::Capsule { a, b, radius } => Ok(round([*a, *b], *radius)),
-            Shape::Box { size } => {
-                let corner = |bits: u8| {
-                    let sign = |k: u8| if bits >> k & 1 == 0 { -0.5 } else { 0.5 };
-                    let [x, y, z] = *size;
-                    let corner = Point3::new(sign(0) * x, sign(1) * y, sign(2) * z);
-                    frame.transform_point(&corner).coords.into()
-                };
-                hull("size", &(0..8u8).map(corner).collect::<Vec<_>>())
-            }
-            Shape::Convex { vertices } => hull("vertices", vertices),
             _ => {
                 let carried = "sphere, capsule, box or convex: a link carries nothing else";
                 Err(refused(path, ShapeFault::stated("kind", carried.into())))
             }
+        }
+    }
+
+    /// The points of a shape with corners, and the key that says them.
+    fn corners(&self) -> Option<(&'static str, Cow<'_, [[f64; 3]]>)> {
+        match &self.shape {
+            Shape::Box { size: [x, y, z] } => {
+                let frame = Isometry3::from(Frame {
+                    position: self.center.unwrap_or_default(),
+                    orientation: self.orientation.unwrap_or_else(upright),
+                });
+                let corner = |bits: u8| {
+                    let sign = |k: u8| if bits >> k & 1 == 0 { -0.5 } else { 0.5 };
+                    let corner = Point3::new(sign(0) * x, sign(1) * y, sign(2) * z);
+                    frame.transform_point(&corner).coords.into()
+                };
+                Some(("size", (0..8u8).map(corner).collect()))
+            }
+            Shape::Convex { vertices } => Some(("vertices", vertices.into())),
+            _ => None,
         }
     }
 }
@@ -148,6 +193,7 @@ fn swept(start: Vector<3>, end: Vector<3>, radius: f64) -> Capsule<3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
     use serde_json::{Value, json};
 
     fn checked(shape: &Value) -> Result<Value, String> {
@@ -170,6 +216,35 @@ mod tests {
             json!({ "kind": "convex", "vertices": vertices }),
         ] {
             assert_eq!(checked(&shape), Ok(shape));
+        }
+    }
+
+    /// Corners and ends go along, and so does what is solid of it.
+    #[test]
+    fn a_shape_moves_as_a_body() {
+        let pose = Isometry3::new(Vector3::new(0.1, -0.2, 0.3), Vector3::new(0.4, -1.0, 0.7));
+        let vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map(|p| p.map(f64::from));
+        for shape in [
+            json!({ "kind": "sphere", "center": [0.0, 0.0, 0.5], "radius": 0.1 }),
+            json!({ "kind": "capsule", "a": [0.0, 0.1, 0.0], "b": [0.0, 0.0, 1.0], "radius": 0.1 }),
+            json!({ "kind": "box", "center": [0.0, 0.5, 0.0], "size": [1.0, 2.0, 3.0], "orientation": [0.6, 0.0, 0.8, 0.0] }),
+            json!({ "kind": "convex", "vertices": vertices }),
+        ] {
+            let mut here: PlacedShape = serde_json::from_value(shape).unwrap();
+            let solid = here.checked_solid("shape").unwrap();
+            let mut there = here.moved(&pose);
+            let moved = there.checked_solid("shape").unwrap();
+            let expected = solid.moved(&pose);
+            assert!((moved.mass - solid.mass).abs() < 1e-12 && solid.mass > 0.0);
+            assert!((moved.com - expected.com).norm() < 1e-12);
+            assert!((moved.inertia - expected.inertia).norm() < 1e-12, "{there:?}");
+            let placed = |p: Vector<3>| (pose * Point3::from(p)).coords;
+            let ends = |(capsule, _): (Capsule<3>, Option<Hull>)| [capsule.start, capsule.end()];
+            let [a, b] = ends(there.solid("shape", |p| p).unwrap());
+            let [c, d] = ends(here.solid("shape", placed).unwrap());
+            assert!(
+                (a - c).norm() + (b - d).norm() < 1e-6 || (a - d).norm() + (b - c).norm() < 1e-6
+            );
         }
     }
 

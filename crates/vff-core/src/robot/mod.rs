@@ -17,6 +17,7 @@ mod link_shape;
 pub mod models;
 mod names;
 pub mod planar;
+mod solid;
 pub mod spatial;
 #[cfg(feature = "models")]
 pub mod urdf;

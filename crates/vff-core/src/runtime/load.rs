@@ -3,42 +3,43 @@
 use super::arm::{AnyArm, planar_document};
 use crate::robot::description::Frame;
 use crate::robot::{Model, PlanarArm};
-use crate::scenario::{PayloadSpec, Problem, ScenarioError, number};
+use crate::scenario::{LoadSpec, Problem, ScenarioError, number};
 use crate::settings::NOT_NEGATIVE;
 use std::sync::Arc;
 use toml::Table;
 
 impl AnyArm {
-    /// The same arm, which was read from `given`, with a body at its tip as part of the last link, and its document: `mass` \[kg\], centre
-    /// of mass \[m\] and moments of inertia `[xx, yy, zz, xy, xz, yz]` about that \[kg·m²\] in the frame of the tool. In the plane it is
-    /// a point at the tip.
+    /// The same arm, which was read from `given`, with a body at its tip as part of the last link, and its document. In the plane it
+    /// is a point at the tip.
     ///
     /// # Errors
     /// With the name of what is wrong.
-    pub fn with_load(
-        &self,
-        mass: f64,
-        com: [f64; 3],
-        inertia: [f64; 6],
-        given: Table,
-    ) -> Result<(Self, Table), ScenarioError> {
+    pub fn with_load(&self, load: &LoadSpec, given: Table) -> Result<(Self, Table), ScenarioError> {
         match self {
             Self::Plane(arm) => {
-                number("mass", mass, &NOT_NEGATIVE)?;
-                if com.iter().chain(&inertia).any(|x| *x != 0.0) {
-                    let problem = "in the plane a load is a point at the tip".into();
-                    return Err(ScenarioError::new("com", Problem::Other(problem)));
+                let LoadSpec { mass, com, inertia, shapes } = load;
+                number("mass", *mass, &NOT_NEGATIVE)?;
+                let is_point = |numbers: &[f64]| numbers.iter().all(|x| *x == 0.0);
+                for (key, fits) in [
+                    ("com", com.is_none_or(|com| is_point(&com))),
+                    ("inertia", inertia.is_none_or(|inertia| is_point(&inertia))),
+                    ("shapes", shapes.is_empty()),
+                ] {
+                    if !fits {
+                        let problem = "in the plane a load is a point at the tip".into();
+                        return Err(ScenarioError::new(key, Problem::Other(problem)));
+                    }
                 }
                 let mut links = arm.links().to_vec();
                 let last = links.len() - 1;
-                links[last] = links[last].with_payload(mass);
+                links[last] = links[last].with_payload(*mass);
                 let loaded = PlanarArm::new(links, arm.gravity()).with_limits(arm.limits().clone());
                 let document = planar_document(&loaded, given);
                 Ok((Self::Plane(Arc::new(loaded)), document))
             }
             Self::Space(arm) => {
                 let mut description = arm.description().clone();
-                PayloadSpec { mass, com, inertia }.load(&mut description)?;
+                load.fasten(&mut description)?;
                 let loaded = Self::Space(Arc::new(description.build()?));
                 let document = loaded.document(given);
                 Ok((loaded, document))

@@ -31,7 +31,7 @@ pub(crate) use numbers::{each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
 pub(crate) use prepare::unusable;
 pub use scene::{CheckReach, FromDocument, ObstacleOf, Scene};
-pub use space::{PayloadSpec, SpatialArmSpec, SpatialPlantSpec, SpatialScene};
+pub use space::{LoadSpec, PayloadSpec, SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use tables::WhereUnreachable;
 pub(crate) use validate::{no_such_link, not_in_the_plane};
 pub use warnings::sampling_bounds;

@@ -7,11 +7,12 @@ use crate::loading::load_numpy;
 use crate::run::prepared;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use serde::Deserialize;
 use std::iter;
 use toml::{Table, Value};
 use vff_core::robot::description::Frame;
 use vff_core::runtime::AnyArm;
-use vff_core::scenario::Scenario;
+use vff_core::scenario::{LoadSpec, Scenario};
 
 impl Arm {
     /// Reads an arm from its part of a scenario.
@@ -92,10 +93,17 @@ pub(super) fn with_load(
     mass: &Bound<'_, PyAny>,
     com: Option<&Bound<'_, PyAny>>,
     inertia: Option<&Bound<'_, PyAny>>,
+    shapes: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Arm> {
-    let mass = number("mass", mass)?;
-    let made =
-        arm.arm.with_load(mass, some("com", com)?, some("inertia", inertia)?, arm.document.clone());
+    let listed = |shapes| {
+        let refused = |error| InputError::new_err(format!("shapes: {error}"));
+        Vec::deserialize(to_toml(shapes, "shapes")?).map_err(refused)
+    };
+    let shapes = shapes.map_or(Ok(vec![]), listed)?;
+    let com = com.map(|com| some("com", Some(com))).transpose()?;
+    let inertia = inertia.map(|inertia| some("inertia", Some(inertia))).transpose()?;
+    let load = LoadSpec { mass: number("mass", mass)?, com, inertia, shapes };
+    let made = arm.arm.with_load(&load, arm.document.clone());
     made.map(|(arm, document)| Arm { arm, document }).map_err(|error| errors::arm(&error))
 }
 

@@ -73,6 +73,7 @@ class SpaceScene(Scene):
         document = scenario.to_dict()
         self._start = np.asarray(document["q0"], dtype=float)
         self._pushed = pushed_links(document, self._geometry)
+        self._carried = len(document["arm"].get("load", {}).get("shapes", ()))
         self._task = setting(document, "controller.task")
         self._view = ""
         self._gizmo: viser.TransformControlsHandle | None = None
@@ -463,7 +464,8 @@ class SpaceScene(Scene):
                 for corners, radius in self._own[i]
             ]
             if self._dress is not None and not pale:
-                bodies = self._looks(self._geometry.link_names[i])
+                carried = bodies[len(bodies) - self._carried :] if i + 1 == len(self._own) else []
+                bodies = [*self._looks(self._geometry.link_names[i]), *carried]
             links.append(
                 [
                     self._mesh(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from vffnull import _core
-from vffnull._support.arguments import array, positive, whole, within
+from vffnull._support.arguments import positive, whole, within
 from vffnull._support.errors import InputError
 from vffnull.model.scenario import Scenario
 
@@ -249,20 +249,6 @@ class Body:
             if np.abs(self.dq).max() < 1e-3:
                 break
             self.hold()
-
-
-def with_load(model: _core.Arm, mass: float, com: ArrayLike, inertia: ArrayLike) -> _core.Arm:
-    """The arm with a body in its tool's frame: `com` [m], `inertia` (xx, yy, zz, xy, xz, yz) [kg·m²]."""
-    if mass == 0.0:
-        return model
-    load = {
-        "mass": mass,
-        "com": array("com", com, (3,)).tolist(),
-        "inertia": array("inertia", inertia, (6,)).tolist(),
-    }
-    return Scenario(
-        arm=model, q0=np.zeros(model.n), duration=1.0, reference={"kind": "setpoint"}, plant={"payload": load}
-    ).plant
 
 
 def _plant(given: Scenario, period: float, disturbances: Disturbances, n: int) -> dict[str, Any]:

@@ -44,7 +44,7 @@ from vffnull._support.arguments import array, positive, within
 from vffnull._support.errors import InputError
 from vffnull.model.arm import frame
 from vffnull.model.scenario import ScenarioLike, prepare
-from vffnull.robots.emulated.body import Body, Disturbances, Physics, with_load
+from vffnull.robots.emulated.body import Body, Disturbances, Physics
 from vffnull.robots.emulated.reflex import Margin, Monitor, Reflex, Rule
 
 if TYPE_CHECKING:
@@ -383,7 +383,7 @@ class Robot:
         there = turn.T @ (com + np.array([0.0, 0.0, _FLANGE]) - tool[:3, 3])
         turned = turn.T @ inertia.reshape(3, 3) @ turn
         parts = turned[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        self._known = with_load(self.body.model, mass, there, parts)
+        self._known = self.body.model.with_load(mass, there, parts if mass > 0.0 else None)
         self.load = (mass, com, inertia)
 
     def automatic_error_recovery(self) -> None:

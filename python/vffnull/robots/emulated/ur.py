@@ -31,7 +31,7 @@ import numpy as np
 from vffnull._support.arguments import positive, within
 from vffnull._support.errors import InputError
 from vffnull.model.scenario import ScenarioLike, prepare
-from vffnull.robots.emulated.body import Body, Disturbances, Physics, with_load
+from vffnull.robots.emulated.body import Body, Disturbances, Physics
 from vffnull.robots.emulated.reflex import Margin, Monitor, Reflex, Rule
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class Robot:
         """Tell the robot of a payload: its mass [kg], and its centre from the tool flange (3,) [m]."""
         mass, com = within("mass", arg0, 0.0, 100.0), [float(x) for x in arg1]
         self._payload = (mass, com)
-        self._known = with_load(self.body.model, mass, com, [0.0] * 6)
+        self._known = self.body.model.with_load(mass, com)
         return True
 
     def getMassMatrix(

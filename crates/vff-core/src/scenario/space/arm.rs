@@ -2,6 +2,7 @@
 
 use super::super::error::{Problem, ScenarioError};
 use super::super::numbers::each;
+use super::LoadSpec;
 use crate::math::ScalarOrVec;
 use crate::robot::SpatialArm;
 use crate::robot::description::{ArmDescription, Frame, Joint, LinkShape};
@@ -49,6 +50,8 @@ pub struct SpatialArmSpec {
     pub mount: Option<Frame>,
     /// Where the tip is in the frame of the last link.
     pub tool: Option<Frame>,
+    /// What the tool carries, and the controller knows of.
+    pub load: Option<LoadSpec>,
     /// Inertias of the rotors as the joints feel them \[kg·m² or kg\], one for all or one per joint, ≥ 0.
     pub armature: Option<ScalarOrVec>,
     /// `[lower, upper]` per joint \[rad or m\], infinite where there is none.
@@ -113,6 +116,9 @@ impl SpatialArmSpec {
         arm.torque_limits = given.torque_limits.unwrap_or(arm.torque_limits);
         arm.collision = given.collision.unwrap_or(arm.collision);
         arm.ignore.extend(given.ignore.unwrap_or_default());
+        let mut arm = arm.checked()?;
+        let Some(load) = &self.load else { return Ok(arm) };
+        load.fasten(&mut arm).map_err(|error| error.inside("load"))?;
         Ok(arm.checked()?)
     }
 

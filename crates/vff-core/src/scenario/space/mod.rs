@@ -1,9 +1,11 @@
 //! Scenarios in space.
 
 mod arm;
+mod load;
 mod plant;
 
 pub use arm::SpatialArmSpec;
+pub use load::LoadSpec;
 pub use plant::{PayloadSpec, SpatialPlantSpec};
 
 use super::error::{Problem, ScenarioError};

@@ -7,7 +7,7 @@ use crate::robot::SpatialArm;
 use crate::robot::description::{ArmDescription, Joint};
 use crate::robot::inertia::{self, Body};
 use crate::robot::inertia::{six, tensor};
-use crate::settings::{NOT_NEGATIVE, POSITIVE};
+use crate::settings::{FINITE, NOT_NEGATIVE, POSITIVE};
 use crate::simulation::Physics;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -106,6 +106,9 @@ impl PayloadSpec {
     /// If it is no body; then nothing has changed.
     pub fn load(&self, arm: &mut ArmDescription) -> Result<(), ScenarioError> {
         number("mass", self.mass, &NOT_NEGATIVE)?;
+        for (i, x) in self.com.iter().enumerate() {
+            number(&format!("com[{i}]"), *x, &FINITE)?;
+        }
         inertia::check(&self.inertia, self.mass)
             .map_err(|error| ScenarioError::new("inertia", Problem::Other(error.to_string())))?;
         let inertia = tensor(&self.inertia);
