@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,14 +24,17 @@ if TYPE_CHECKING:
 __all__ = ["plan"]
 
 
-def _list(_context: click.Context, param: click.Parameter, text: str | None) -> list[float] | None:
-    """Numbers between commas."""
-    if text is None:
-        return None
-    try:
-        return [float(each) for each in text.strip("[] ").split(",")]
-    except ValueError:
-        raise click.BadParameter(f"expected numbers between commas, not {text!r}", param=param) from None
+def _lists(
+    _context: click.Context, param: click.Parameter, texts: tuple[str, ...]
+) -> tuple[list[float], ...]:
+    """Numbers between commas, as often as they are given."""
+    found = []
+    for text in texts:
+        try:
+            found.append([float(each) for each in text.strip("[] ").split(",")])
+        except ValueError:
+            raise click.BadParameter(f"expected numbers between commas, not {text!r}", param=param) from None
+    return tuple(found)
 
 
 def _seconds(_context: click.Context, param: click.Parameter, text: str) -> float | None:
@@ -48,15 +51,21 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
 @click.argument("scenario", shell_complete=complete_scenario)
 @click.option(
     "--goal",
-    callback=_list,
+    callback=_lists,
+    multiple=True,
     metavar="A,B,…",
-    help="A configuration, or a position [m]; by default where the reference ends.",
+    help="A configuration, or a position [m]; by default where the reference ends. More than one: one after "
+    "the other.",
 )
 @click.option(
     "--orientation",
-    callback=_list,
+    callback=_lists,
+    multiple=True,
     metavar="W,X,Y,Z",
-    help="With a position: the quaternion there; in the plane an angle [rad].",
+    help="With a position: the quaternion there; in the plane an angle [rad]. As many as goals, or none.",
+)
+@click.option(
+    "--pause", type=float, default=0.5, show_default=True, help="Rest at every goal but the last [s]."
 )
 @click.option("--margin", type=float, default=0.02, show_default=True, help="Kept from obstacles [m].")
 @click.option("--speed", type=float, default=0.5, show_default=True, help="Share of the joints' limits.")
@@ -76,8 +85,9 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 def plan(
     scenario: str,
-    goal: list[float] | None,
-    orientation: list[float] | None,
+    goal: tuple[list[float], ...],
+    orientation: tuple[list[float], ...],
+    pause: float,
     margin: float,
     speed: float,
     horizon: float | None,
@@ -94,20 +104,24 @@ def plan(
     vffnull plan narrow-gap
     vffnull plan panda-shelf --horizon 0 --margin 0.03
     vffnull plan panda-shelf --goal 0.5,0.2,0.4 --out plan.npz
+    vffnull plan narrow-gap --goal 0,0.5,0,0 --goal 0.2,0,0,0 --pause 1
 
     Exit codes: 0 found, 2 wrong input, 3 nothing found, 130 interrupted.
     """
     from vffnull.planning import plan as find
     from vffnull.planning.motion import checked_path
 
-    if orientation is not None and goal is None:
-        raise click.UsageError("--orientation belongs to a position: --goal X,Y,Z")
+    if orientation and len(orientation) != len(goal):
+        raise click.UsageError("--orientation belongs to a position: as many as there are of --goal X,Y,Z")
     if out is not None:
         checked_path(out)
     ready = prepared(scenario, assignments)
-    given = {"position": goal, "orientation": orientation} if orientation is not None and goal else goal
+    goals: list[Any] = list(goal)
+    if orientation:
+        goals = [{"position": p, "orientation": q} for p, q in zip(goal, orientation, strict=True)]
+    given = goals if len(goals) > 1 else next(iter(goals), None)
     tried = {"samples": samples, "paths": paths, "seed": seed}
-    found = find(ready, given, margin=margin, speed=speed, horizon=horizon, **tried)
+    found = find(ready, given, pause=pause, margin=margin, speed=speed, horizon=horizon, **tried)
     if out is not None:
         found.save(out)
     if as_json:

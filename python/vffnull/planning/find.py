@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import vffnull._core as _core
-from vffnull._support.arguments import number, whole
+from vffnull._support.arguments import number, positive, whole
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.model.document import Document
 from vffnull.model.scenario import ScenarioLike, prepare
@@ -27,10 +29,11 @@ _MAX_PATHS = 1000
 
 def plan(
     scenario: ScenarioLike,
-    goal: Goal | None = None,
+    goal: Goal | Sequence[Goal] | None = None,
     *,
     start: ArrayLike | None = None,
     time: float = 0.0,
+    pause: float = 0.5,
     margin: float = 0.02,
     horizon: float | None = 1.0,
     speed: float = 0.5,
@@ -48,14 +51,17 @@ def plan(
     ----------
     scenario : str, path, Mapping or Scenario
         The arm, its obstacles and where it starts; what `vffnull.simulate` accepts.
-    goal : (n,) array_like, Mapping or tuple, optional
+    goal : (n,) array_like, Mapping or tuple, or list of them, optional
         Where to go: a configuration [rad]; ``{"position": …}`` [m], with ``"orientation"`` a pose (an
-        angle [rad] in the plane, a quaternion [w, x, y, z] in space); or (position, orientation). By
-        default where the scenario's reference is at the end of its duration, as far as its task cares.
+        angle [rad] in the plane, a quaternion [w, x, y, z] in space); or (position, orientation). A list of
+        goals, or the rows of an array, one after the other. By default where the scenario's reference is at
+        the end of its duration, as far as its task cares.
     start : (n,) array_like, optional
         Where the joints are [rad]; ``q0`` by default.
     time : float, optional
         When the motion starts [s]: obstacles are where their motion has them then.
+    pause : float, optional
+        How long the arm rests at every goal but the last [s], > 0.
     margin : float, optional
         What every link keeps from obstacles [m]; less near a start or goal that has less, and less all
         the way where nothing else is found: the message says so.
@@ -77,7 +83,8 @@ def plan(
     Returns
     -------
     Plan
-        The motion. If none was found, its status says why, and it holds how far the search came.
+        The motion. If none was found, its status says why, and it holds how far the search came; of several
+        goals, for the first that is not reached.
 
     Raises
     ------
@@ -94,24 +101,59 @@ def plan(
     >>> found = plan("narrow-gap")
     >>> print(found.status)
     found
+    >>> there_and_back = plan("narrow-gap", [found.q[-1], found.q[0]])
+    >>> bool(there_and_back.duration > 2 * found.duration)
+    True
     """
     ready = prepare(scenario)
-    document, arm = ready.to_dict(), ready.arm
-    joints = len(document["q0"])
+    document = ready.to_dict()
+    at = None if start is None else _vector("start", start, len(document["q0"]))
+    now = _finite("time", time)
+    settings = {
+        "margin": _finite("margin", margin),
+        "horizon": None if horizon is None else _finite("horizon", horizon),
+        "speed": _finite("speed", speed),
+        "samples": whole("samples", samples, 0, _MAX_SAMPLES),
+        "paths": whole("paths", paths, 1, _MAX_PATHS),
+        "seed": whole("seed", seed, 0, 2**64 - 1),
+    }
+    rest = positive("pause", pause)
+    several = _several(goal)
+    if several is None:
+        return _to_one(ready.arm, _aimed("goal", document, goal, ready.arm.dimension), at, now, settings)
+    aims = [_aimed(f"goal[{i}]", document, each, ready.arm.dimension) for i, each in enumerate(several)]
+    found: Plan | None = None
+    for i, aim in enumerate(aims):
+        leg = _to_one(ready.arm, aim, at, now, settings)
+        if leg.status is not PlanStatus.FOUND:
+            return replace(leg, message=f"goal {i + 1} of {len(aims)}: {leg.message}")
+        found = leg if found is None else found.then(leg, rest)
+        at, now = leg.q[-1].tolist(), now + leg.duration + rest
+    if found is None:
+        raise InputError("goal: expected one or more, got an empty list")
+    return found
+
+
+def _several(goal: Any) -> list[Any] | None:
+    """Goals one after the other, if it is not one of them."""
+    if isinstance(goal, np.ndarray) and goal.ndim == 2:
+        return list(goal)
+    if isinstance(goal, list) and not (goal and isinstance(goal[0], Real)):
+        return goal
+    return None
+
+
+def _to_one(
+    arm: _core.Arm,
+    aim: tuple[Document, list[float] | None],
+    start: list[float] | None,
+    time: float,
+    settings: Mapping[str, Any],
+) -> Plan:
+    """A motion from where the arm is then to one goal."""
     begun = clock.perf_counter()
-    aimed, configuration = _aimed(document, goal, arm.dimension)
-    found = _core.plan(
-        aimed,
-        goal=configuration,
-        start=None if start is None else _vector("start", start, joints),
-        time=_finite("time", time),
-        margin=_finite("margin", margin),
-        horizon=None if horizon is None else _finite("horizon", horizon),
-        speed=_finite("speed", speed),
-        samples=whole("samples", samples, 0, _MAX_SAMPLES),
-        paths=whole("paths", paths, 1, _MAX_PATHS),
-        seed=whole("seed", seed, 0, 2**64 - 1),
-    )
+    document, configuration = aim
+    found = _core.plan(document, goal=configuration, start=start, time=time, **settings)
     wall_time = clock.perf_counter() - begun
     tip = np.array(arm.forward_kinematics(found["q"])[:, -1])
     status = PlanStatus(found.pop("status"))
@@ -125,7 +167,9 @@ def _ignored(arm: Mapping[str, Any]) -> list[Sequence[str]]:
     return [*of_model, *arm.get("ignore", [])]
 
 
-def _aimed(document: Document, goal: Goal | None, dimension: int) -> tuple[Document, list[float] | None]:
+def _aimed(
+    name: str, document: Document, goal: Any, dimension: int
+) -> tuple[Document, list[float] | None]:
     """The document whose reference ends at the goal; or the document, and the goal as a configuration."""
     joints = len(document["q0"])
     if goal is None:
@@ -134,31 +178,31 @@ def _aimed(document: Document, goal: Goal | None, dimension: int) -> tuple[Docum
     orientation: Any = None
     if isinstance(goal, Mapping):
         if "position" not in goal or not set(goal) <= {"position", "orientation"}:
-            names = ", ".join(str(name)[:40] for name in goal)
+            names = ", ".join(str(key)[:40] for key in goal)
             raise InputError(
-                f"goal: expected position and, if it matters, orientation, got {names or 'neither'}"
+                f"{name}: expected position and, if it matters, orientation, got {names or 'neither'}"
             )
         position, orientation = goal["position"], goal.get("orientation")
     elif isinstance(goal, tuple) and len(goal) == 2 and isinstance(goal[0], Sequence | np.ndarray):
         position, orientation = goal
     else:
-        numbers = _numbers("goal", goal)
+        numbers = _numbers(name, goal)
         if len(numbers) == joints:
             return document, numbers
         if len(numbers) != dimension:
             raise InputError(
-                f"goal: expected a configuration of {joints} numbers, a position of {dimension}, or "
+                f"{name}: expected a configuration of {joints} numbers, a position of {dimension}, or "
                 f"(position, orientation), got {len(numbers)} numbers"
             )
         position = numbers
-    point = _vector("goal position", position, dimension)
+    point = _vector(f"{name} position", position, dimension)
     reference: Document = {"kind": "setpoint", "point": point}
     if orientation is not None:
-        turned = _numbers("goal orientation", orientation)
+        turned = _numbers(f"{name} orientation", orientation)
         if dimension == 2:
-            reference["point"] = [*point, *_vector("goal orientation", turned, 1)]
+            reference["point"] = [*point, *_vector(f"{name} orientation", turned, 1)]
         else:
-            reference["orientation"] = _vector("goal orientation", turned, 4)
+            reference["orientation"] = _vector(f"{name} orientation", turned, 4)
     controller: Document = {"task": "position" if orientation is None else "pose"}
     keep = document.get("controller", {}).get("self_collision")
     if keep is not None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import vffnull._core as _core
+from vffnull._support.arguments import positive
 from vffnull._support.errors import InputError
 from vffnull._support.files import digest, replacing
 
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 
 _FORMAT = 1
 _ARRAYS = ("t", "q", "dq", "ddq", "tip", "margins")
+_SAME = 1e-9  # rad or m
 _NUMBERS = ("clearance", "margin", "gap", "samples", "nodes", "wall_time")
 
 
@@ -54,7 +56,8 @@ class PlanStatus(str, Enum):
 class Plan:
     """A planned motion, or how far the search for one came; made by `vffnull.plan`.
 
-    Between the instants the joints follow the cubic spline through `q` that is at rest at both ends: `at`.
+    Between the instants the joints follow the cubic spline through `q` that is at rest at both ends, and
+    wherever two configurations in a row are the same: `at`.
 
     Parameters
     ----------
@@ -154,6 +157,54 @@ class Plan:
         found = _core.joints_at(self.t, self.q, times.reshape(-1))
         q, dq, ddq = (each.reshape(*times.shape, self.q.shape[1]) for each in found)
         return q, dq, ddq
+
+    def then(self, following: Plan, pause: float = 0.5) -> Plan:
+        """Add another motion after a rest.
+
+        Parameters
+        ----------
+        following : Plan
+            A motion that begins where this one ends.
+        pause : float, optional
+            How long the arm rests in between [s], > 0.
+
+        Returns
+        -------
+        Plan
+            Both as one.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If one of them holds no motion, the other one begins elsewhere, or the pause is none.
+        """
+        self._needed()
+        following._needed()
+        rest = positive("pause", pause)
+        if following.q.shape[1] != self.q.shape[1]:
+            raise InputError(
+                f"following: expected a plan of {self.q.shape[1]} joints, got one of {following.q.shape[1]}"
+            )
+        apart = float(np.abs(following.q[0] - self.q[-1]).max())
+        if apart > _SAME:
+            raise InputError(f"following: must begin where this plan ends, not {apart:.2g} rad or m away")
+        joined = {name: np.concatenate([getattr(self, name), getattr(following, name)]) for name in _ARRAYS}
+        joined["t"][len(self.t) :] += self.t[-1] + rest
+        joined["q"][len(self.t)] = self.q[-1]  # exactly: that makes it a rest
+        if not (len(self.margins) and len(following.margins)):
+            joined["margins"] = np.empty((0, 0))
+        return Plan(
+            status=self.status,
+            clearance=min(self.clearance, following.clearance),
+            margin=min(self.margin, following.margin),
+            gap=0.0,
+            samples=self.samples + following.samples,
+            nodes=self.nodes + following.nodes,
+            wall_time=self.wall_time + following.wall_time,
+            message=f"{self.message}; then {following.message}",
+            ignored=tuple(dict.fromkeys(self.ignored + following.ignored)),
+            **joined,
+        )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the plan to a file.

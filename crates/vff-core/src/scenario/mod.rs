@@ -454,7 +454,7 @@ impl Scenario {
         }
         validate::controller(&self.controller, Some((n, D)))
             .and_then(|()| validate::controller_of(&self.controller, model.limits()))
-            .and_then(|()| match S::is_plan(&scene.reference) || self.replan.is_some() {
+            .and_then(|()| match S::plan(&scene.reference).is_some() || self.replan.is_some() {
                 true => Ok(()),
                 false => validate::posture(&self.controller),
             })
@@ -477,11 +477,15 @@ impl Scenario {
         }
         if let Some(settings) = &self.replan {
             let knows = self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal);
-            let problem = match (S::comes_to_rest(&scene.reference), knows) {
-                (false, _) => {
+            let rests = S::plan(&scene.reference).is_some_and(|plan| plan.rest_between());
+            let problem = match (S::comes_to_rest(&scene.reference), rests, knows) {
+                (false, ..) => {
                     Some("needs a reference that comes to rest, so that there is a place to go to")
                 }
-                (_, false) => Some("needs obstacles that are known, without `perception`"),
+                (_, true, _) => Some(
+                    "needs a plan without rests on the way: another one would leave out the goals there",
+                ),
+                (.., false) => Some("needs obstacles that are known, without `perception`"),
                 _ => None,
             };
             if let Some(problem) = problem {

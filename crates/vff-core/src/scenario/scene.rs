@@ -5,7 +5,7 @@ use super::validate::no_such_link;
 use crate::simulation::{
     Options, PerceptionSettings, Physics, SpaceTypes, System, Wrench, Wrenches,
 };
-use crate::trajectory::{Guided, Trajectory};
+use crate::trajectory::{Guided, Knots, Trajectory};
 use crate::world::ObstacleGeometry;
 use serde::de::DeserializeOwned;
 use std::fmt::Debug;
@@ -42,8 +42,8 @@ pub trait FromDocument<const D: usize>:
         model: &Arc<Self::Arm>,
     ) -> Result<Physics<Self::Arm>, ScenarioError>;
 
-    /// Whether a reference brings a posture with it.
-    fn is_plan(reference: &Self::Reference) -> bool;
+    /// The plan that a reference is, if it is one; it brings a posture with it.
+    fn plan(reference: &Self::Reference) -> Option<Knots<'_>>;
 
     /// Whether a reference comes to rest.
     fn comes_to_rest(reference: &Self::Reference) -> bool;

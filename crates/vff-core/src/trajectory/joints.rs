@@ -1,4 +1,4 @@
-//! Joints along a plan: the clamped cubic spline, at rest at both ends (T117).
+//! Joints along a plan: clamped cubic splines, at rest at both ends and wherever two knots in a row are the same (T117).
 
 use super::piecewise;
 use super::spline::{Ends, cubics};
@@ -9,7 +9,8 @@ use crate::math::Vector;
 use crate::math::quintic::horner;
 
 /// Positions of `n` joints over time: cubics through knots (C²), at rest at the first and at the last of them, where it
-/// stays before and after.
+/// stays before and after. Between two knots in a row that are the same it rests: what is before and after are two motions from
+/// rest to rest.
 ///
 /// ```
 /// # fn main() -> Result<(), vff_core::trajectory::TrajectoryError> {
@@ -78,11 +79,25 @@ impl JointSpline {
         }
         let knots = times.len();
         let mut pieces = vec![[Vector::zeros(); 4]; n * (knots - 1)];
-        for joint in 0..n {
-            let fitted = cubics(times, |i| Vector::<1>::new(points[i][joint]), Ends::Clamped);
-            for (i, piece) in fitted.into_iter().enumerate() {
-                pieces[i * n + joint] = piece;
+        let mut start = 0;
+        while start + 1 < knots {
+            let rests = |i: usize| points[i] == points[i + 1];
+            let end = (start..knots - 1).find(|i| rests(*i)).unwrap_or(knots - 1);
+            if start == end {
+                for (piece, q) in pieces[start * n..].iter_mut().zip(&points[start]) {
+                    piece[0] = Vector::<1>::new(*q);
+                }
+                start += 1;
+                continue;
             }
+            for joint in 0..n {
+                let point = |i: usize| Vector::<1>::new(points[start + i][joint]);
+                let fitted = cubics(&times[start..=end], point, Ends::Clamped);
+                for (i, piece) in fitted.into_iter().enumerate() {
+                    pieces[(start + i) * n + joint] = piece;
+                }
+            }
+            start = end;
         }
         let (first, last) = (points[0].clone(), points[knots - 1].clone());
         let (before, drawn) = (None, None);
@@ -246,6 +261,7 @@ fn add(fading: &Fading, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Knots;
     use super::*;
     use proptest::prelude::*;
 
@@ -306,6 +322,39 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// With rests it is, bit for bit, one motion from rest to rest after the other, and still in between.
+        #[test]
+        fn two_knots_that_are_the_same_are_a_rest(
+            coordinates in prop::collection::vec(-1.0..1.0, 14), counts in prop::collection::vec(1..4_usize, 1..4), t in 0.0..1.0_f64,
+        ) {
+            let mut left = coordinates.chunks(2).map(<[f64]>::to_vec);
+            let mut points = vec![left.next().unwrap()];
+            let mut legs = vec![];
+            for count in counts {
+                let from = points.len() - 1;
+                points.extend(left.by_ref().take(count));
+                legs.push(from..points.len());
+                points.push(points[points.len() - 1].clone());
+            }
+            points.pop();
+            let times: Vec<f64> = (0_u32..).take(points.len()).map(|k| 0.3 * f64::from(k)).collect();
+            let whole = JointSpline::new(&times, &points).unwrap();
+            let knots = Knots { times: &times, points: &points, margins: None };
+            prop_assert_eq!(knots.rest_between(), legs.len() > 1);
+            for (leg, next) in legs.iter().zip(legs.iter().skip(1).map(Some).chain([None])) {
+                let alone = JointSpline::new(&times[leg.clone()], &points[leg.clone()]).unwrap();
+                let [start, end] = alone.span();
+                let within = start + t * (end - start);
+                prop_assert_eq!(at(&whole, within), at(&alone, within));
+                if let Some(next) = next {
+                    let resting = end + t * (times[next.start] - end);
+                    let [q, dq, ddq] = at(&whole, resting);
+                    prop_assert_eq!(&q, &points[leg.end - 1]);
+                    prop_assert!(t == 0.0 || dq.iter().chain(&ddq).all(|x| *x == 0.0));
+                }
+            }
+        }
 
         /// No sample goes farther than the peaks, and samples come near to them.
         #[test]

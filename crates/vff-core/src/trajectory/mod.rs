@@ -134,6 +134,13 @@ pub struct Knots<'a> {
     pub margins: Option<&'a [Vec<f64>]>,
 }
 
+impl Knots<'_> {
+    /// Whether two in a row are the same: then the joints rest between them, and there are several goals.
+    pub fn rest_between(&self) -> bool {
+        self.points.len() > 2 && self.points.windows(2).any(|pair| pair[0] == pair[1])
+    }
+}
+
 /// Something that is led by joints: an arm that follows a plan, wherever the real one is.
 ///
 /// # Example

@@ -15,7 +15,7 @@ use crate::robot::{Model, PlanarArm, PlanarState, Robot};
 use crate::simulation::{
     Control, Options, Perception, PerceptionSettings, Physics, PlanarSystem, Plane,
 };
-use crate::trajectory::{Reference, Trajectory};
+use crate::trajectory::{Knots, Reference, Trajectory};
 use crate::world::Motion;
 use crate::world::plane::Obstacle;
 use std::sync::Arc;
@@ -40,8 +40,8 @@ impl FromDocument<2> for Plane {
         table.build(arm, model)
     }
 
-    fn is_plan(reference: &Reference) -> bool {
-        matches!(reference, Reference::Plan { .. })
+    fn plan(reference: &Reference) -> Option<Knots<'_>> {
+        reference.plan()
     }
 
     fn comes_to_rest(reference: &Reference) -> bool {

@@ -17,7 +17,7 @@ use crate::robot::{Model, Robot, SpatialArm, SpatialState};
 use crate::simulation::{
     Control, Options, PerceptionSettings, Physics, Space, SpatialPerception, System,
 };
-use crate::trajectory::{Guided, SpatialReference, Trajectory};
+use crate::trajectory::{Guided, Knots, SpatialReference, Trajectory};
 use crate::world::Motion;
 use crate::world::space::Obstacle;
 use std::sync::Arc;
@@ -42,8 +42,8 @@ impl FromDocument<3> for Space {
         table.build(model)
     }
 
-    fn is_plan(reference: &SpatialReference) -> bool {
-        matches!(reference, SpatialReference::Plan { .. })
+    fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
+        reference.plan()
     }
 
     fn comes_to_rest(reference: &SpatialReference) -> bool {

@@ -79,7 +79,8 @@ pub enum Reference {
         points: Vec<Vec<f64>>,
     },
     /// Joints that go from rest at the first configuration to rest at the last: the clamped cubic spline (C²), held
-    /// before and after. The end effector has to be where they put it, and the null space is drawn to the rest.
+    /// before and after; between two in a row that are the same they rest. The end effector has to be where they put it, and the
+    /// null space is drawn to the rest.
     Plan {
         /// Instants \[s\], strictly increasing, at least two.
         times: Vec<f64>,
@@ -94,7 +95,7 @@ pub enum Reference {
 
 impl Reference {
     /// The knots of the plan that it is, if it is one.
-    pub(super) fn plan(&self) -> Option<Knots<'_>> {
+    pub(crate) fn plan(&self) -> Option<Knots<'_>> {
         match self {
             Self::Plan { times, points, margins } => {
                 Some(Knots { times, points, margins: margins.as_deref() })

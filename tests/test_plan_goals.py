@@ -1,0 +1,149 @@
+"""Plans to several goals, one after the other: at rest at each of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from test_cli import vffnull
+from test_plan import GAP, following
+from vffnull.errors import InputError, ScenarioError
+
+READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+
+
+@pytest.fixture(scope="module")
+def there() -> vff.Plan:
+    """To one goal alone, a configuration."""
+    return vff.plan(GAP, vff.plan(GAP).q[-1])
+
+
+@pytest.fixture(scope="module")
+def tour(there: vff.Plan) -> vff.Plan:
+    return vff.plan(GAP, [there.q[-1], {"position": [1.2, 0.5]}, GAP["q0"]], pause=0.3)
+
+
+def rests(plan: vff.Plan) -> list[tuple[float, float]]:
+    still = np.flatnonzero((np.diff(plan.q, axis=0) == 0.0).all(axis=1))
+    return [(float(plan.t[i]), float(plan.t[i + 1])) for i in still]
+
+
+def test_it_stops_at_every_goal(tour: vff.Plan, there: vff.Plan) -> None:
+    assert tour.status == "found" and tour.message.count("then") == 2
+    stops = rests(tour)
+    assert [round(end - start, 9) for start, end in stops] == [0.3, 0.3]
+    assert stops[0][0] == there.duration
+    for start, end in stops:
+        q, dq, ddq = tour.at(np.linspace(start, end, 7)[1:-1])
+        assert np.ptp(q, axis=0).max() == 0.0 and np.abs(dq).max() == np.abs(ddq).max() == 0.0
+    arm = vff.Scenario.from_dict(GAP).arm
+    np.testing.assert_allclose(arm.pose(tour.at(stops[1][0])[0])[0], [1.2, 0.5], atol=1e-6)
+    np.testing.assert_allclose(tour.q[-1], GAP["q0"], atol=1e-12)
+    early = np.linspace(0.0, there.duration, 50)[:-1]
+    for one, other in zip(tour.at(early), there.at(early), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_it_is_certain_all_the_way(tour: vff.Plan) -> None:
+    """Measured between the instants, it keeps what its margins say."""
+    scene = vff.Scenario.from_dict(GAP)
+    times = np.linspace(0.0, tour.duration, 2000)
+    q = tour.at(times)[0]
+    apart = vff.distances(scene.arm, q, np.zeros_like(q), scene["obstacles"]).distance
+    nearest = apart.reshape(len(times), scene.arm.n, -1).min(axis=2)
+    i = np.clip(np.searchsorted(tour.t, times, side="right") - 1, 0, len(tour.t) - 2)
+    kept = np.minimum(tour.margins[i], tour.margins[i + 1])
+    assert (nearest > kept - 1e-9).all() and abs(tour.clearance - nearest.min()) < 1e-4
+
+
+def test_the_law_follows_it_and_waits(tour: vff.Plan, tmp_path: Path) -> None:
+    again = vff.Plan.load(tour.save(tmp_path / "tour.npz"))
+    np.testing.assert_array_equal(again.q, tour.q)
+    scene = following(again, duration=round(tour.duration + 1.0, 3))
+    result = vff.simulate(scene, {"controller.avoidance": "cbf"})
+    assert result.status == "completed" and result.metrics["end_error"] < 1e-3
+    speed = np.linalg.norm(result.dx, axis=1)
+    for start, end in rests(tour):
+        late = (result.t > start + 0.1) & (result.t < end)
+        assert late.any() and speed[late].max() < 0.01 * speed.max()
+        assert np.linalg.norm(result.x[late] - result.x_ref[late], axis=1).max() < 1e-3
+
+
+def test_what_stands_still_and_what_moves_are_seen_at_their_time() -> None:
+    """A disc crosses the way while the arm rests: the leg after it meets it where it is then."""
+    free = {**GAP, "obstacles": [], "q0": [0.6, 0.3, 0.3, 0.3]}
+    goals: list[Any] = [[1.2, 0.3, 0.3, 0.3], [0.6, 0.3, 0.3, 0.3]]
+    alone = vff.plan(free, goals, pause=1.0)
+    arm = vff.Scenario.from_dict(free).arm
+    middle = arm.pose([0.9, 0.3, 0.3, 0.3])[0].tolist()
+    disc = {
+        "shape": {"kind": "circle", "radius": 0.3},
+        "position": [9.0, 9.0],
+        "motion": {
+            "kind": "waypoints",
+            "times": [rests(alone)[0][1] - 0.01, rests(alone)[0][1]],
+            "points": [[9.0, 9.0], middle],
+        },
+    }
+    crossed = vff.plan({**free, "obstacles": [disc]}, goals, pause=1.0, horizon=0.0)
+    assert crossed.status == "found"
+    first = alone.t <= rests(alone)[0][1]
+    np.testing.assert_array_equal(crossed.q[: first.sum()], alone.q[first])
+    later = crossed.at(np.linspace(rests(crossed)[0][1], crossed.duration, 300))[0]
+    there = [{"shape": disc["shape"], "position": middle}]
+    assert vff.distances(arm, later, np.zeros_like(later), there).distance.min() > 0.0
+
+
+def test_a_goal_that_is_not_reached_is_named(there: vff.Plan) -> None:
+    lost = vff.plan(GAP, [there.q[-1], [9.0, 9.0], GAP["q0"]])
+    assert lost.status == "goal out of reach" and lost.message.startswith("goal 2 of 3: ")
+    with pytest.raises(InputError, match="no motion to follow"):
+        there.then(lost)
+    with pytest.raises(InputError, match=r"goal\[1\]: expected a configuration of 4 numbers"):
+        vff.plan(GAP, [there.q[-1], [1.0, 2.0, 3.0]])
+    with pytest.raises(InputError, match="goal: expected one or more"):
+        vff.plan(GAP, [])
+    with pytest.raises(InputError, match="pause"):
+        vff.plan(GAP, [there.q[-1], GAP["q0"]], pause=0.0)
+
+
+def test_plans_are_joined_where_they_meet(there: vff.Plan) -> None:
+    back = vff.plan(GAP, GAP["q0"], start=there.q[-1])
+    whole = there.then(back, pause=0.25)
+    assert whole.duration == pytest.approx(there.duration + 0.25 + back.duration)
+    assert whole.samples == there.samples + back.samples
+    with pytest.raises(InputError, match="begin where this plan ends"):
+        there.then(there)
+
+
+def test_replanning_would_leave_goals_out(tour: vff.Plan) -> None:
+    with pytest.raises(ScenarioError, match="replan: needs a plan without rests on the way"):
+        vff.simulate(following(tour), {"replan": {}})
+
+
+def test_arms_in_space_and_rows_of_an_array() -> None:
+    scene = vff.Scenario.from_dict(
+        {"duration": 1.0, "q0": READY, "arm": {"model": "panda"}, "reference": {"kind": "setpoint"}}
+    )
+    goals = np.array([[0.4, *READY[1:]], [0.8, *READY[1:]]])
+    both = vff.plan(scene, goals)
+    place, turn = scene.arm.pose(goals[0])
+    posed = vff.plan(scene, [(place, turn), {"position": place}])
+    assert (both.status, posed.status) == ("found", "found")
+    np.testing.assert_allclose(scene.arm.pose(posed.q[-1])[0], place, atol=1e-6)
+    assert len(rests(both)) == 1
+
+
+def test_the_command_line_takes_several(tmp_path: Path) -> None:
+    vff.Scenario.from_dict(GAP).save(tmp_path / "gap.toml")
+    asked: list[object] = ["plan", tmp_path / "gap.toml"]
+    for goal in ([1.6, 0.6, 0.9, 1.0], GAP["q0"]):
+        asked += ["--goal", ",".join(map(str, goal))]
+    vffnull(*asked, "--pause", 0.4, "--out", tmp_path / "plan.npz")
+    ((start, end),) = rests(vff.Plan.load(tmp_path / "plan.npz"))
+    assert end - start == pytest.approx(0.4)
+    assert "as many as there are" in vffnull(*asked, "--orientation", 0.5, code=2).stderr
