@@ -156,6 +156,21 @@ def _boxes(scene: vff.Scenario) -> Changes:
     return {"arm.collision": bodies}
 
 
+def _pausing(scene: vff.Scenario) -> Changes:
+    """A plan that rests in its middle."""
+    reference = scene.to_dict()["reference"]
+    if reference["kind"] != "plan":
+        return {}
+    k = len(reference["times"]) // 2
+    twice = {
+        f"reference.{key}": [*reference[key][: k + 1], *reference[key][k:]]
+        for key in ("points", "margins")
+        if key in reference
+    }
+    later = [time + 0.5 for time in reference["times"][k:]]
+    return {"reference.times": [*reference["times"][: k + 1], *later], **twice}
+
+
 _CAMERAS = [
     {"position": [1.5, 0.0, 1.5], "orientation": [0.27, -0.65, -0.65, 0.27]},
     {"position": [-1.0, -1.5, 1.5], "orientation": [0.65, -0.75, 0.1, -0.1]},
@@ -211,6 +226,7 @@ OPTIONS: dict[str, Option] = {
         lambda _: {"replan": {}},
         ("needs a reference that comes to rest", "needs obstacles that are known", "slides without an end"),
     ),
+    "rest on the way": Option(_pausing, ("needs a plan without rests on the way",)),
     "order": Option(_order),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
     "observer": Option(
