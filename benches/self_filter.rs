@@ -152,7 +152,7 @@ impl Case {
         }
         let arm = Arc::new(description.build().unwrap());
         let described = arm.description();
-        let looks = described.collision.iter().map(|LinkShape { link, shape }| {
+        let looks = described.collision.iter().map(|LinkShape { link, shape, .. }| {
             let link = described.joints.iter().position(|joint| joint.link == *link);
             let solid = match &shape.shape {
                 Shape::Capsule { a, b, radius } => {

@@ -11,6 +11,8 @@ import pytest
 import vffnull as vff
 from vffnull.errors import InputError, ScenarioError
 from vffnull.evaluation.geometry.arm import rotation
+from vffnull.model.arm import frame
+from vffnull.robots import emulated
 from vffnull.robots.simulated import SimulatedRobot
 from waiting import HANG
 
@@ -35,7 +37,7 @@ SCENE: dict[str, Any] = {
 }
 
 
-def in_mujoco(shape: dict[str, Any], place: Any, turn: Any, ball: Any) -> Any:
+def in_mujoco(shape: dict[str, Any], place: Any, turn: Any, ball: Any, rod: Any = None) -> Any:
     """The same solid on a body of 1 kg in another engine, and a ball of 2 cm beside it."""
     mujoco = pytest.importorskip("mujoco")
 
@@ -56,10 +58,13 @@ def in_mujoco(shape: dict[str, Any], place: Any, turn: Any, ball: Any) -> Any:
     for key, name in (("center", "pos"), ("orientation", "quat")):
         if key in shape:
             geom += f' {name}="{text(shape[key])}"'
+    beside = f'<geom type="sphere" size="0.02" pos="{text(ball)}"/>'
+    if rod is not None:
+        beside += f'<geom type="capsule" fromto="{text(*rod[0])}" size="{rod[1]}"/>'
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco>{asset}<worldbody>
         <body pos="{text(place)}" quat="{text(turn)}"><freejoint/><geom {geom} mass="1"/></body>
-        <geom type="sphere" size="0.02" pos="{text(ball)}"/></worldbody></mujoco>"""
+        {beside}</worldbody></mujoco>"""
     )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -183,6 +188,59 @@ def test_a_drive_takes_up_what_is_grasped(tmp_path: Path) -> None:
     assert driven.report.status == "completed", driven.report.reason
 
 
+def test_plans_on_the_way_are_for_the_arm_that_there_is() -> None:
+    """A tray is taken up while a plan is followed: what is planned from then on is for it, too."""
+    posts = [vff.Obstacle.capsule([x, y, 0.1], [x, y, 0.5], 0.02) for x, y in ((0.16, 0.08), (0.39, 0.19))]
+    tray = {"kind": "box", "size": [0.24, 0.24, 0.02], "center": [0.0, 0.0, 0.03]}
+    goal = [0.9, *READY[1:]]
+    scene = vff.Scenario.from_dict(
+        SCENE
+        | {
+            "duration": 12.0,
+            "obstacles": posts,
+            "controller": SCENE["controller"] | {"null_damping": 8.0, "posture": READY},
+        }
+    )
+    plan = vff.plan(scene, goal)
+    followed = scene.replace(reference=plan.reference, replan={}, **{"controller.posture_stiffness": 50.0})
+    carries = PANDA.with_load(0.5, shapes=[tray])
+    with vff.drive(SimulatedRobot(followed), followed, seconds=12.0) as driven:
+        driven.wait(0.2)
+        driven.set_controller(vff.Controller(carries, followed["controller"]))
+        assert driven.wait(HANG)
+        q = driven.state.q
+    assert driven.report.status == "completed", driven.report.reason
+    reasons = [search.reason for search in driven.report.replans]
+    assert reasons.count("blocked") >= 1 and len(reasons) <= 3, reasons
+    assert np.linalg.norm(PANDA.pose(q)[0] - PANDA.pose(goal)[0]) < 0.02  # of `replan.tolerance`
+
+
+def test_an_emulated_robot_has_to_be_told() -> None:
+    """Of what the arm of a scenario carries, and from the flange, wherever the tool ends."""
+    shapes = [{"kind": "box", "size": [0.2, 0.2, 0.04], "center": [0.0, 0.0, 0.05]}]
+    scene = vff.Scenario.load("panda-sweep").replace(
+        obstacles=[], **{"arm.load": {"mass": 1.0, "shapes": shapes}}
+    )
+    franka = emulated.franka.Robot(scene)
+    untold = np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max()
+    turn = frame(PANDA.to_dict()["tool"])[:3, :3]
+    inertia = turn @ np.diag([0.04 + 0.0016, 0.04 + 0.0016, 0.08]) / 12 @ turn.T
+    franka.set_load(1.0, [0.0, 0.0, 0.1034 + 0.05], inertia.ravel())
+    told = np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max()
+    assert untold > 3.0 and told < 1e-9
+    longer = vff.Scenario.load("ur5e-sweep").replace(
+        obstacles=[],
+        q0=[0.0, -1.57, 1.57, 0.3, 1.57, 0.0],
+        **{
+            "arm.tool": {"position": [0.0, 0.0, 0.15]},
+            "plant.payload": {"mass": 1.0, "com": [0.0, 0.0, 0.05]},
+        },
+    )
+    ur = emulated.ur.Robot(longer)
+    ur.setPayload(1.0, [0.0, 0.0, 0.20])
+    np.testing.assert_allclose(ur.body.weight(), ur._known.gravity_torque(ur.body.q), atol=1e-9)
+
+
 def test_cameras_do_not_see_what_is_carried() -> None:
     """The perceiver cuts it away with the arm."""
     camera = {
@@ -201,6 +259,37 @@ def test_cameras_do_not_see_what_is_carried() -> None:
         under = np.abs(points[:, :2] - place[:2]).max(axis=1) < 0.18 if len(points) else np.zeros(0)
         seen.append(int(under.sum()))
     assert seen[0] > 20 and seen[1] == 0
+
+
+def test_what_links_are_to_ignore_is_not_said_of_what_they_carry() -> None:
+    """The bare hand never meets links that a tray goes through; another engine finds how deep."""
+    arm = vff.Arm.named("xarm7")
+    tray = {"kind": "box", "size": [0.4, 0.3, 0.02], "center": [0.0, 0.0, 0.03]}
+    goal = [1.028, 1.367, 0.758, 1.864, 1.924, 2.516, -0.614]
+    scene = {
+        "duration": 1.0,
+        "q0": goal,
+        "reference": {"kind": "setpoint"},
+        "controller": {"task": "pose", "self_collision": "avoid"},
+    }
+    bare = vff.plan({**scene, "arm": {"model": "xarm7"}, "q0": [0.0, 0.0, 0.0, 0.8, 0.0, 0.8, 0.0]}, goal)
+    carries = vff.Scenario.from_dict({**scene, "arm": {"model": "xarm7", "load": {"shapes": [tray]}}})
+    assert bare.status == "found"
+    blocked = vff.plan(carries.replace(q0=[0.0, 0.0, 0.0, 0.8, 0.0, 0.8, 0.0]), goal)
+    assert blocked.status == "goal blocked" and "link7" in blocked.message
+    depth = vff.simulate(carries, {"controller.self_collision": "report"}).self_clearance[0]
+    place, turn = arm.pose(goal)
+    nearest = np.inf
+    for link, shape in arm.collision:
+        if link == "link5":
+            at = arm.link_poses(goal)[arm.link_names.index(link)]
+            ends = [
+                at[:3, :3] @ np.array(shape.get(key, shape.get("center", [0] * 3))) + at[:3, 3]
+                for key in "ab"
+            ]
+            mujoco, model, data = in_mujoco(tray, place, turn, [9.0] * 3, (ends, shape["radius"]))
+            nearest = min(nearest, mujoco.mj_geomDistance(model, data, 1, 2, 1.0, None))
+    assert depth < -0.05 and depth == pytest.approx(nearest, abs=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -226,7 +315,14 @@ def test_what_nobody_can_carry_is_refused(load: dict[str, Any], says: str) -> No
 def test_with_load_names_what_is_wrong() -> None:
     with pytest.raises(InputError, match=r"shapes\[0\]\.radius"):
         PANDA.with_load(1.0, shapes=[{"kind": "sphere", "radius": -0.1}])
-    with pytest.raises(InputError, match="shapes"):
-        PANDA.with_load(1.0, shapes=3)  # type: ignore[arg-type]
+    for shapes, says in (
+        (3, "shapes: expected a list"),
+        (TRAY, "shapes: expected a list"),
+        ([{}], r"shapes\[0\]"),
+        ([TRAY, {"kind": "box", "size": [1, 1, 1], "position": [0, 0, 0]}], r"shapes\[1\].*position"),
+    ):
+        with pytest.raises(InputError, match=says) as raised:
+            PANDA.with_load(1.0, shapes=shapes)  # type: ignore[arg-type]
+        assert "\n" not in str(raised.value)
     with pytest.raises(InputError, match=r"shapes.*plane"):
         vff.Arm.uniform(3).with_load(1.0, shapes=[{"kind": "sphere", "radius": 0.1}])

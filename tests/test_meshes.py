@@ -178,9 +178,10 @@ def test_a_link_in_pieces_lets_something_into_its_hollow(
 @pytest.mark.parametrize(
     ("pieces", "collision", "sentence"),
     [
-        (0, "file", "pieces: expected a whole number of at least 1, got 0"),
-        (True, "file", "pieces: expected a whole number of at least 1, got True"),
-        ({"hook": 2.5}, "file", r"pieces\['hook'\]: expected a whole number of at least 1, got 2\.5"),
+        (0, "file", "pieces: expected a whole number from 1 to 64, got 0"),
+        (65, "file", "pieces: expected a whole number from 1 to 64, got 65"),
+        (True, "file", "pieces: expected a whole number from 1 to 64, got True"),
+        ({"hook": 2.5}, "file", r"pieces\['hook'\]: expected a whole number from 1 to 64, got 2\.5"),
         ({"hock": 2}, "file", "pieces: no mesh on a link 'hock'; there are hook"),
         (2, "fit", "pieces: only the meshes of collision='file' are cut"),
         ({"hook": 2}, "none", "pieces: only the meshes of collision='file' are cut"),
@@ -199,7 +200,7 @@ def test_what_is_no_mesh(tmp_path: Path) -> None:
     path = saved(bracket(), tmp_path)
     with pytest.raises(InputError, match=r"mesh '.*none\.stl' cannot be found"):
         enclose(tmp_path / "none.stl")
-    with pytest.raises(InputError, match="pieces: expected a whole number of at least 1, got 0"):
+    with pytest.raises(InputError, match="pieces: expected a whole number from 1 to 64, got 0"):
         enclose(path, 0)
     with pytest.raises(InputError, match="scale: expected one or three positive numbers, got -1"):
         enclose(path, scale=-1)

@@ -405,7 +405,7 @@ def test_what_a_plan_keeps_is_kept(found: vff.Plan) -> None:
         times = np.arange(0.0, plan.duration, 5e-4)
         piece = np.searchsorted(plan.t, times, side="right") - 1
         kept = np.minimum(plan.margins[piece], plan.margins[piece + 1])
-        apart = distances(plan, document, times).reshape(len(times), -1, 4).min(axis=1)
+        apart = distances(plan, document, times).reshape(len(times), 4, -1).min(axis=2)
         assert (apart >= kept).all()
         assert kept.min() > 0.0 and kept.max() > 0.006
 
@@ -506,3 +506,22 @@ def test_ctrl_c_ends_a_search() -> None:
         vff.plan(stuck, goal, samples=10_000_000)
     assert sent, "it was not the signal that ended it"
     thread.join()
+
+
+def test_where_there_is_room_a_plan_says_so() -> None:
+    """What barriers keep along a plan is what is measured there, not what was asked for: where the way is
+    free, all that `yielding.margin` says.
+    """
+    free = vff.plan({**GAP, "obstacles": []})
+    assert free.margins.min() > 0.02 and free.margins[-1].min() > 0.25
+    disc = {
+        "shape": {"kind": "circle", "radius": 0.2},
+        "position": [9.0, 9.0],
+        "motion": {"kind": "waypoints", "times": [0.0, 8.0], "points": [[9.0, 9.0], free.tip[-1].tolist()]},
+    }
+    scene = following(free, obstacles=[disc], duration=9.0, **{"controller.yielding.margin": 0.1})
+    result = vff.simulate(scene, {"controller.avoidance": "cbf"})
+    assert result.metrics["min_clearance"] > 0.095, "somebody comes who asked for 10 cm"
+    narrow = vff.plan(GAP)
+    wide = np.minimum(narrow.margins, 0.02).mean()
+    assert wide > 0.012, "in the gap no more than is there, elsewhere all of it"

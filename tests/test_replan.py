@@ -273,3 +273,32 @@ def test_a_goal_that_is_dragged_behind_a_wall_is_planned_for() -> None:
         assert live.snapshot()["replans"] > 0 and live.snapshot()["q_plan"] is not None
     finally:
         live.stop()
+
+
+def test_what_has_come_to_rest_on_the_goal_blocks_it() -> None:
+    """No plan leads into what moved and rests now, however its motion was given."""
+    scene = vff.Scenario.from_dict(
+        {
+            "duration": 8.0,
+            "q0": [0.9, 0.5, 0.4, 0.3],
+            "arm": {"lengths": [1.0] * 4, "masses": 1.0, "radius": 0.05},
+            "controller": {"stiffness": 100.0, "damping": 20.0, "null_damping": 10.0, "avoidance": "cbf"},
+            "reference": {"kind": "line", "end": [2.2, -0.4], "duration": 2.0},
+            "replan": {"patience": 0.3, "latency": 0.1, "horizon": 0},
+            "obstacles": [
+                {
+                    "shape": {"kind": "circle", "radius": 0.3},
+                    "position": [4.2, -2.4],
+                    "motion": {
+                        "kind": "waypoints",
+                        "times": [0.0, 3.0],
+                        "points": [[4.2, -2.4], [2.2, -0.4]],
+                    },
+                }
+            ],
+        }
+    )
+    result = vff.simulate(scene)
+    later = [search for search in result.replans if search.asked > 3.0]
+    assert later and all(search.status == "goal blocked" for search in later)
+    assert result.metrics["min_clearance"] > 0.015

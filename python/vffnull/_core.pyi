@@ -151,9 +151,8 @@ class Arm:
         inertia : (6,) array_like, optional
             Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
         shapes : sequence of dict, optional
-            What of it can touch something, in the frame of the tool, each as in ``[[arm.collision]]``:
-            ``{"kind": "box", "size": …}``. Centre of mass and moments of inertia are then those of the shapes
-            by default, as of one material. In space alone.
+            What of it can touch something, each a ``shape`` as in ``[[arm.collision]]`` but in the frame of the
+            tool. They say `com` and `inertia` by default, as of one material. In space alone.
 
         Raises
         ------
@@ -162,12 +161,9 @@ class Arm:
 
         Examples
         --------
-        >>> panda = Arm.named("panda")
-        >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
-        1.5
-        >>> tray = {"kind": "box", "size": [0.3, 0.2, 0.02]}
-        >>> len(panda.with_load(0.6, shapes=[tray]).collision) - len(panda.collision)
-        1
+        >>> carries = Arm.named("panda").with_load(1.5, shapes=[{"kind": "sphere", "radius": 0.05}])
+        >>> carries.collision[-1][0]
+        'panda_link7'
         """
 
     def with_tool(self, position: ArrayLike, orientation: ArrayLike | None = None) -> Arm:

@@ -65,12 +65,6 @@ pub struct Arm {
     document: Table,
 }
 
-impl Arm {
-    fn n(&self) -> usize {
-        self.arm.dof()
-    }
-}
-
 #[pymethods]
 impl Arm {
     #[new]
@@ -112,9 +106,8 @@ impl Arm {
     /// inertia : (6,) array_like, optional
     ///     Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
     /// shapes : sequence of dict, optional
-    ///     What of it can touch something, in the frame of the tool, each as in ``[[arm.collision]]``:
-    ///     ``{"kind": "box", "size": …}``. Centre of mass and moments of inertia are then those of the shapes
-    ///     by default, as of one material. In space alone.
+    ///     What of it can touch something, each a ``shape`` as in ``[[arm.collision]]`` but in the frame of the
+    ///     tool. They say `com` and `inertia` by default, as of one material. In space alone.
     ///
     /// Raises
     /// ------
@@ -123,12 +116,9 @@ impl Arm {
     ///
     /// Examples
     /// --------
-    /// >>> panda = Arm.named("panda")
-    /// >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
-    /// 1.5
-    /// >>> tray = {"kind": "box", "size": [0.3, 0.2, 0.02]}
-    /// >>> len(panda.with_load(0.6, shapes=[tray]).collision) - len(panda.collision)
-    /// 1
+    /// >>> carries = Arm.named("panda").with_load(1.5, shapes=[{"kind": "sphere", "radius": 0.05}])
+    /// >>> carries.collision[-1][0]
+    /// 'panda_link7'
     #[pyo3(signature = (mass, com=None, inertia=None, shapes=None))]
     fn with_load(
         &self,

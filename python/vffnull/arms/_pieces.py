@@ -24,14 +24,17 @@ Array = NDArray[np.float64]
 WAY = 1
 """Which way of making pieces this is; another one does not take those of this one for its own."""
 
+_MOST = 64
+"""More pieces of one surface take too long to cut, and to measure."""
+
 SPACING = 1 / 160
 """How long the edges are of triangles that lie across a cut, as a share of the surface's diagonal."""
 
 
 def check(name: str, count: object) -> None:
     """Refuse what is no number of pieces."""
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise InputError(f"{name}: expected a whole number of at least 1, got {count!r}")
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= _MOST:
+        raise InputError(f"{name}: expected a whole number from 1 to {_MOST}, got {count!r}")
 
 
 def enclosing(surface: Any, count: int) -> list[Hull]:

@@ -30,6 +30,7 @@ from vffnull.cli.common import (
     echo_json,
     exit_code,
     format_option,
+    has_folder,
     prepared,
     run_with_bar,
     say,
@@ -221,6 +222,7 @@ def run(
     ready = prepared(scenario, assignments)
     if save_to is not None:  # find out before the run, not after it
         check_path(save_to)
+        has_folder(save_to)
     if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:
         plot_to.mkdir(parents=True, exist_ok=True)
     result = run_with_bar(ready, quiet, plant)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import sys
 import warnings
@@ -26,6 +28,12 @@ from vffnull.run.simulate import run as run_scenario
 
 FINE, WRONG_INPUT, FAILED, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 COLOURS = {"good": "green", "odd": "yellow", "bad": "red"}
+
+
+def has_folder(file: Path) -> None:
+    """Refuse a file whose folder there is not, before anything is computed for it."""
+    if not file.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file))
 
 
 def complete_scenario(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:

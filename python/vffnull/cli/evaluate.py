@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from vffnull.cli.common import FINE, echo_json, format_option, interactive
+from vffnull.cli.common import FINE, echo_json, format_option, has_folder, interactive
 
 if TYPE_CHECKING:
     from vffnull.evaluation.table import Rate
@@ -146,6 +146,7 @@ def evaluate(
     of_arms, of_tasks = arms or scenes.ARMS, tasks or ("position", "pose")
     if save_to is not None:  # find out before the runs, not after them
         evaluating.check_path(save_to)
+        has_folder(save_to)
     evaluation.wilson(0, 1)
     outcome = evaluating.evaluate(
         controllers or None,

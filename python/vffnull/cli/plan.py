@@ -14,6 +14,7 @@ from vffnull.cli.common import (
     FINE,
     complete_scenario,
     echo_json,
+    has_folder,
     prepared,
     set_option,
 )
@@ -75,7 +76,7 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     default="1.0",
     show_default=True,
     metavar="SECONDS",
-    help="Keep places free that are passed so soon [s]; 0: nothing moves; none: leave out what does.",
+    help="Keep places free that are passed so soon [s]; 0: nothing moves; none: leave out what does then.",
 )
 @click.option("--samples", type=int, default=50_000, show_default=True, help="When to give up.")
 @click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
@@ -115,6 +116,7 @@ def plan(
         raise click.UsageError("--orientation belongs to a position: as many as there are of --goal X,Y,Z")
     if out is not None:
         checked_path(out)
+        has_folder(out)
     ready = prepared(scenario, assignments)
     goals: list[Any] = list(goal)
     if orientation:

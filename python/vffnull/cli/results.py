@@ -8,7 +8,15 @@ from typing import Any
 
 import click
 
-from vffnull.cli.common import complete_scenario, echo_json, exit_code, interactive, run_or_load, set_option
+from vffnull.cli.common import (
+    complete_scenario,
+    echo_json,
+    exit_code,
+    has_folder,
+    interactive,
+    run_or_load,
+    set_option,
+)
 from vffnull.run.result import Result
 
 __all__ = ["animate", "compare", "report"]
@@ -93,6 +101,7 @@ def report(source: str, file: Path, assignments: tuple[str, ...], as_json: bool,
     from vffnull.draw.report import check_path
 
     check_path(file)
+    has_folder(file)
     result = run_or_load(source, assignments, quiet)
     return _end([result], result.report(file), as_json, quiet)
 
@@ -112,6 +121,7 @@ def compare(sources: tuple[str, ...], file: Path, as_json: bool, quiet: bool) ->
     from vffnull.draw.report import compare as write
 
     check_path(file)
+    has_folder(file)
     results = {Path(source).stem: run_or_load(source, (), quiet) for source in sources}
     if len(results) < len(sources):  # two files of one name
         results = {source: run_or_load(source, (), quiet) for source in sources}

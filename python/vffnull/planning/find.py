@@ -67,7 +67,7 @@ def plan(
         the way where nothing else is found: the message says so.
     horizon : float or None, optional
         For how long the places that obstacles will pass are kept free [s], as their motion is known. With
-        0 they are taken as they are at `time`, with None those that move are left out.
+        0 they are taken as they are at `time`, with None those that move then are left out.
     speed : float, optional
         The share of the limits of speed and acceleration that is used, in (0, 1]. Joints without a limit
         of speed take 3 rad/s for it; the limit of acceleration is 30 rad/s² in the plane and 10 rad/s² in
@@ -167,9 +167,7 @@ def _ignored(arm: Mapping[str, Any]) -> list[Sequence[str]]:
     return [*of_model, *arm.get("ignore", [])]
 
 
-def _aimed(
-    name: str, document: Document, goal: Any, dimension: int
-) -> tuple[Document, list[float] | None]:
+def _aimed(name: str, document: Document, goal: Any, dimension: int) -> tuple[Document, list[float] | None]:
     """The document whose reference ends at the goal; or the document, and the goal as a configuration."""
     joints = len(document["q0"])
     if goal is None:

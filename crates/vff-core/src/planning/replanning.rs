@@ -11,6 +11,7 @@ use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
 use crate::trajectory::{JointSpline, Pace, Trajectory};
 use crate::world::{CollisionQuery, World};
+use std::mem::swap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -157,16 +158,21 @@ where
         let Some(end) = reference.end() else { return false };
         if self.goal != end {
             self.goal = end;
-            if self.search.take().is_some()
-                && let Some(search) = self.searches.last_mut()
-            {
-                search.status = Some("given up");
-            }
-            self.progress = Progress::default();
-            self.waits = 0;
-            self.wait = [f64::NEG_INFINITY, PAUSES[0]];
+            self.give_up();
         }
         true
+    }
+
+    /// Lets go of what is being searched, and of why.
+    fn give_up(&mut self) {
+        if self.search.take().is_some()
+            && let Some(search) = self.searches.last_mut()
+        {
+            search.status = Some("given up");
+        }
+        self.progress = Progress::default();
+        self.waits = 0;
+        self.wait = [f64::NEG_INFINITY, PAUSES[0]];
     }
 
     /// Where the arm is on its way.
@@ -360,6 +366,15 @@ where
         self.first.clone()
     }
 
+    fn exchange_arm(&mut self, arm: &Arc<S::Arm>, robot: &mut S::State) {
+        if !Arc::ptr_eq(&self.arm, arm) {
+            self.arm.clone_from(arm);
+            swap(&mut self.ahead.robot, robot);
+            self.ahead.begin_anew();
+            self.give_up();
+        }
+    }
+
     fn plan_beside(&mut self) {
         self.beside = true;
     }
@@ -464,7 +479,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             }
             let mut margins = std::mem::take(&mut self.margins);
             match joints.margins() {
-                Some(said) => said.known_at(&Pace::of_time(then), f64::INFINITY, &mut margins),
+                Some(said) => said.known_at(&Pace::of_time(then), kept / CERTAIN, &mut margins),
                 None => margins.fill([kept / CERTAIN, 0.0, 0.0]),
             }
             let room =

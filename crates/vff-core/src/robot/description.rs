@@ -41,7 +41,7 @@ pub use crate::math::rotation::UNIT_TOLERANCE;
 /// let description = ArmDescription {
 ///     joints: vec![pendulum],
 ///     tool: Frame { position: [0.0, 0.0, 0.4], ..Frame::default() },
-///     collision: vec![LinkShape { link: "upper".into(), shape: rod.into() }],
+///     collision: vec![LinkShape::of("upper", rod)],
 ///     ..ArmDescription::default()
 /// };
 /// let mut heavy = description.clone();
@@ -288,7 +288,7 @@ impl ArmDescription {
                 Err(fault(path, DescriptionProblem::UnknownLink { given, known }))
             }
         };
-        for (i, LinkShape { link, shape }) in self.collision.iter_mut().enumerate() {
+        for (i, LinkShape { link, shape, .. }) in self.collision.iter_mut().enumerate() {
             known(link, format!("collision[{i}].link"))?;
             shape.check(&format!("collision[{i}].shape"))?;
         }

@@ -19,6 +19,21 @@ pub struct LinkShape {
     pub link: String,
     /// What is there.
     pub shape: PlacedShape,
+    /// Whether it is of something that the link carries: what the arm is to `ignore` does not count for it.
+    #[serde(default, skip_serializing_if = "is_own")]
+    pub carried: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde asks")]
+fn is_own(carried: &bool) -> bool {
+    !carried
+}
+
+impl LinkShape {
+    /// A shape of a link itself.
+    pub fn of(link: impl Into<String>, shape: impl Into<PlacedShape>) -> Self {
+        Self { link: link.into(), shape: shape.into(), carried: false }
+    }
 }
 
 /// A shape in the frame of a link, which has the ends of a capsule and the points of a hull; a sphere and a box say

@@ -257,6 +257,14 @@ pub fn read_spatial_arm(document: &Table) -> Result<SpatialArm, ScenarioError> {
     Space::arm(&read(document)?)
 }
 
+/// Reads what the tool of an arm in space carries: a table `[arm.load]`.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn read_load(document: &Table) -> Result<LoadSpec, ScenarioError> {
+    read(document)
+}
+
 /// Whether a table `[arm]` is that of an arm in space.
 pub fn is_spatial(arm: &Table) -> bool {
     tables::dimension_of(Part::Arm, arm) == 3

@@ -6,6 +6,7 @@ use crate::settings::settings;
 use crate::trajectory::{Pace, Trajectory};
 use crate::world::World;
 use std::fmt::Debug;
+use std::sync::Arc;
 
 settings! {
     /// The `[replan]` table of a scenario.
@@ -114,6 +115,8 @@ pub trait Replan<S: System<D, M>, const D: usize, const M: usize>: Debug + Send 
     fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>>;
     /// Goes back to t = 0: the first reference.
     fn restart(&mut self) -> Trajectory<S::Pose, M>;
+    /// From now on the arm is `arm`, in the state of `robot`, which becomes the one before.
+    fn exchange_arm(&mut self, arm: &Arc<S::Arm>, robot: &mut S::State);
     /// From now on plans in a thread of its own, and takes the time that it takes.
     fn plan_beside(&mut self);
     /// Every search so far.

@@ -326,7 +326,7 @@ mod tests {
         /// With rests it is, bit for bit, one motion from rest to rest after the other, and still in between.
         #[test]
         fn two_knots_that_are_the_same_are_a_rest(
-            coordinates in prop::collection::vec(-1.0..1.0, 14), counts in prop::collection::vec(1..4_usize, 1..4), t in 0.0..1.0_f64,
+            coordinates in prop::collection::vec(-1.0..1.0, 24), counts in prop::collection::vec(1..4_usize, 1..4), t in 0.0..1.0_f64,
         ) {
             let mut left = coordinates.chunks(2).map(<[f64]>::to_vec);
             let mut points = vec![left.next().unwrap()];

@@ -161,15 +161,28 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// What stands still, and what moves or turns, as worlds of their own at t = 0. Allocates.
     #[must_use]
     pub fn parted(&self) -> [Self; 2] {
-        [true, false].map(|stands_still| {
-            let wanted = self.obstacles.iter().filter(|it| it.is_static == stands_still);
-            let mut obstacles: Vec<Placed<S, D>> = wanted.cloned().collect();
-            obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(0.0));
-            // Where every one is asked, one may move as no hierarchy is made for.
-            let has_broad_phase =
-                matches!(self.named, Named::BroadPhase(_)) && obstacles.len() >= broad_phase::LEAST;
-            Self::of(obstacles, has_broad_phase)
-        })
+        [true, false].map(|stands_still| self.only(|it| it.is_static == stands_still))
+    }
+
+    /// What moves or turns, but rests at time `t` \[s\], as a world of its own at t = 0. Allocates.
+    #[must_use]
+    pub fn resting(&self, t: f64) -> Self {
+        self.only(|it| !it.is_static && it.rests_at(t))
+    }
+
+    /// Whether obstacle `j` rests at time `t` \[s\].
+    pub fn rests_at(&self, j: usize, t: f64) -> bool {
+        self.obstacles[j].rests_at(t)
+    }
+
+    fn only(&self, wanted: impl Fn(&Placed<S, D>) -> bool) -> Self {
+        let wanted = self.obstacles.iter().filter(|it| wanted(it));
+        let mut obstacles: Vec<Placed<S, D>> = wanted.cloned().collect();
+        obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(0.0));
+        // Where every one is asked, one may move as no hierarchy is made for.
+        let has_broad_phase =
+            matches!(self.named, Named::BroadPhase(_)) && obstacles.len() >= broad_phase::LEAST;
+        Self::of(obstacles, has_broad_phase)
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods

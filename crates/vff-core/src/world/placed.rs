@@ -7,6 +7,9 @@ use super::{
 use crate::geometry::PlacedHull;
 use crate::math::Vector;
 
+/// What goes no faster rests, if it does not turn \[m/s\].
+const SLOW: f64 = 0.01;
+
 /// An obstacle with what is computed once (`geometry`) and when it is needed (`state`).
 #[derive(Debug, Clone)]
 pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
@@ -62,6 +65,14 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         self.description.motion().is_static()
             && self.turned.is_none()
             && self.geometry.speed() == 0.0
+    }
+
+    /// Whether it rests at time `t` \[s\], whatever it does before and after: what is slower than [`SLOW`] does.
+    pub(super) fn rests_at(&self, t: f64) -> bool {
+        self.is_static
+            || self.geometry.speed() == 0.0
+                && self.state_at(t).velocity.norm() <= SLOW
+                && self.turn_at(t).is_none_or(|turn| turn.spin.is_none())
     }
 
     /// Whether the state is that at time `t` \[s\]. Compared as bits: only the very same instant is.

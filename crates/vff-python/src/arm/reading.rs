@@ -7,14 +7,18 @@ use crate::loading::load_numpy;
 use crate::run::prepared;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use serde::Deserialize;
 use std::iter;
 use toml::{Table, Value};
 use vff_core::robot::description::Frame;
 use vff_core::runtime::AnyArm;
-use vff_core::scenario::{LoadSpec, Scenario};
+use vff_core::scenario::{Scenario, read_load};
 
 impl Arm {
+    /// How many joints it has.
+    pub(super) fn n(&self) -> usize {
+        self.arm.dof()
+    }
+
     /// Reads an arm from its part of a scenario.
     pub(super) fn read(py: Python<'_>, document: Table) -> PyResult<Self> {
         load_numpy(py)?;
@@ -87,6 +91,10 @@ fn some<const N: usize>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResul
     Ok(out)
 }
 
+fn listed<const N: usize>(numbers: [f64; N]) -> Value {
+    Value::Array(numbers.map(Value::Float).into())
+}
+
 /// `arm` with a body at its tip.
 pub(super) fn with_load(
     arm: &Arm,
@@ -95,14 +103,18 @@ pub(super) fn with_load(
     inertia: Option<&Bound<'_, PyAny>>,
     shapes: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Arm> {
-    let listed = |shapes| {
-        let refused = |error| InputError::new_err(format!("shapes: {error}"));
-        Vec::deserialize(to_toml(shapes, "shapes")?).map_err(refused)
-    };
-    let shapes = shapes.map_or(Ok(vec![]), listed)?;
-    let com = com.map(|com| some("com", Some(com))).transpose()?;
-    let inertia = inertia.map(|inertia| some("inertia", Some(inertia))).transpose()?;
-    let load = LoadSpec { mass: number("mass", mass)?, com, inertia, shapes };
+    let mut given = Table::new();
+    given.insert("mass".into(), Value::Float(number("mass", mass)?));
+    if let Some(com) = com {
+        given.insert("com".into(), listed(some::<3>("com", Some(com))?));
+    }
+    if let Some(inertia) = inertia {
+        given.insert("inertia".into(), listed(some::<6>("inertia", Some(inertia))?));
+    }
+    if let Some(shapes) = shapes {
+        given.insert("shapes".into(), to_toml(shapes, "shapes")?);
+    }
+    let load = read_load(&given).map_err(|error| errors::arm(&error))?;
     let made = arm.arm.with_load(&load, arm.document.clone());
     made.map(|(arm, document)| Arm { arm, document }).map_err(|error| errors::arm(&error))
 }

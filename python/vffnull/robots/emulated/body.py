@@ -130,7 +130,7 @@ class Body:
     Attributes
     ----------
     model : Arm
-        The arm as its maker describes it.
+        The arm as its maker describes it: without the `load` of a scenario, which a robot has to be told.
     names : tuple of str
         Of its joints.
     q, dq, ddq : (n,) ndarray
@@ -151,7 +151,7 @@ class Body:
         disturbances: Disturbances,
         physics: Physics = "own",
     ) -> None:
-        self.model = scenario.arm
+        self.model = scenario.replace(**{"arm.load": None}).arm if "load" in scenario["arm"] else scenario.arm
         self.names = tuple(scenario.arm.joint_names)
         self.period = 1.0 / positive("rate", rate)
         self._noise = disturbances

@@ -30,6 +30,7 @@ import numpy as np
 
 from vffnull._support.arguments import positive, within
 from vffnull._support.errors import InputError
+from vffnull.model.arm import frame
 from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.robots.emulated.body import Body, Disturbances, Physics
 from vffnull.robots.emulated.reflex import Margin, Monitor, Reflex, Rule
@@ -170,7 +171,8 @@ class Robot:
         """Tell the robot of a payload: its mass [kg], and its centre from the tool flange (3,) [m]."""
         mass, com = within("mass", arg0, 0.0, 100.0), [float(x) for x in arg1]
         self._payload = (mass, com)
-        self._known = self.body.model.with_load(mass, com)
+        tool = frame(self.body.model.to_dict()["tool"])  # from the flange, the frame of the last link
+        self._known = self.body.model.with_load(mass, tool[:3, :3].T @ (np.array(com) - tool[:3, 3]))
         return True
 
     def getMassMatrix(

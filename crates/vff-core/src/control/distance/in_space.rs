@@ -51,7 +51,7 @@ fn armed() -> impl Strategy<Value = Case> {
     (case(1usize..5), form()).prop_map(|(c, shape)| {
         let mut description = c.arm.description().clone();
         let link = description.joints[description.dof() - 1].link.clone();
-        description.collision = vec![LinkShape { link, shape }];
+        description.collision = vec![LinkShape::of(link, shape)];
         Case { arm: Arc::new(description.build().unwrap()), ..c }
     })
 }
@@ -329,8 +329,7 @@ proptest! {
 fn barriers_have_no_peak_at_parallel_axes() {
     let [a, b] = [-0.5, 0.5].map(|x| [x, 0.0, 0.0]);
     let joints = vec![Joint { axis: [0.0, 1.0, 0.0], ..link("rod", 1.0) }];
-    let bodies =
-        vec![LinkShape { link: "rod".into(), shape: Shape::Capsule { a, b, radius: 0.05 }.into() }];
+    let bodies = vec![LinkShape::of("rod", Shape::Capsule { a, b, radius: 0.05 })];
     let description = ArmDescription { joints, collision: bodies, ..ArmDescription::default() };
     let arm = Arc::new(description.build().unwrap());
     let bar = Shape::Capsule { a: [-1.0, -0.02, 0.3], b: [1.0, 0.02, 0.3], radius: 0.05 };

@@ -567,18 +567,18 @@ mod tests {
     /// given has no such peak, and the least of it is the distance throughout.
     #[test]
     fn nearly_parallel_edges_have_no_peak() {
-        let carried = |name: &str, z: f64, askew: f64| LinkShape {
-            link: name.into(),
-            shape: PlacedShape {
+        let bar = |name: &str, z: f64, askew: f64| {
+            let shape = PlacedShape {
                 shape: Shape::Box { size: [1.0, 0.1, 0.1] },
                 center: Some([0.0, 0.0, z]),
                 orientation: Some([(0.5 * askew).cos(), 0.0, 0.0, (0.5 * askew).sin()]),
-            },
+            };
+            LinkShape::of(name, shape)
         };
         let rocks = Joint { axis: [0.0, 1.0, 0.0], ..link("upper", 1.0) };
         let description = ArmDescription {
             joints: vec![link("lower", 1.0), link("between", 1.0), rocks],
-            collision: vec![carried("lower", 0.0, 0.0), carried("upper", 0.25, 0.02)],
+            collision: vec![bar("lower", 0.0, 0.0), bar("upper", 0.25, 0.02)],
             ..ArmDescription::default()
         };
         let arm = Arc::new(description.build().unwrap());

@@ -99,12 +99,12 @@ type Ends<'a> = [&'a [f64]; 2];
 pub struct Window {
     /// The beginning.
     pub start: f64,
-    /// How long, ≥ 0; 0 takes them for standing still.
-    pub duration: f64,
+    /// How long, ≥ 0; 0 takes them for standing still. None: only what rests at the beginning is there.
+    pub duration: Option<f64>,
 }
 
 impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
-    /// Of `robot` in `world`; what moves blocks every place that it passes within `window`, or none without one.
+    /// Of `robot` in `world`; what moves blocks every place that it passes within `window`; without one it is not there.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -117,19 +117,26 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         keeps_apart: bool,
         margin: f64,
     ) -> Self {
-        let [still, moving] = world.parted();
-        let [end, duration] =
-            window.map_or([0.0; 2], |Window { start, duration }| [start + duration, duration]);
+        let [still, mut moving] = world.parted();
+        let [start, duration] =
+            window.map_or([0.0; 2], |it| [it.start, it.duration.unwrap_or(0.0)]);
+        let end = start + duration;
+        let rests_only = window.is_some_and(|it| it.duration.is_none());
+        if rests_only {
+            moving = world.resting(start);
+        }
         let speed = moving.top_speed(end);
         let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
         let stride = duration / places;
-        let is_moving = |j: &usize| !world.stands_still(*j);
-        let numbers = (0..world.len()).partition(|j| !is_moving(j));
+        let (standing, mut others): (Vec<_>, Vec<_>) =
+            (0..world.len()).partition(|j| world.stands_still(*j));
+        others.retain(|j| !rests_only || world.rests_at(*j, start));
+        let numbers = (standing, others);
         let mut worlds = vec![still];
-        if let Some(window) = window.filter(|_| !moving.is_empty()) {
+        if window.is_some() && !moving.is_empty() {
             for k in 0..places as u32 {
                 let mut there = moving.clone();
-                there.update(window.start + stride * (f64::from(k) + 0.5));
+                there.update(start + stride * (f64::from(k) + 0.5));
                 worlds.push(there);
             }
         }
@@ -198,7 +205,12 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// How far each link of the arm at `q` is from everything outside \[m\].
     pub fn room(&mut self, q: &[f64]) -> &[f64] {
-        self.limits.fill(f64::INFINITY);
+        self.room_within(q, f64::INFINITY)
+    }
+
+    /// The same where it is less than `limit` \[m\]; otherwise ∞.
+    pub fn room_within(&mut self, q: &[f64], limit: f64) -> &[f64] {
+        self.limits.fill(limit);
         self.measure(q);
         &self.clearance
     }

@@ -196,7 +196,7 @@ where
     pub fn plan(&self, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
         let Self { arm, world, keeps_apart, goal, start } = self;
         let PlanSettings { time, horizon, margin, .. } = *settings;
-        let window = horizon.map(|duration| Window { start: time, duration });
+        let window = Some(Window { start: time, duration: horizon });
         let mut planner = Planner::<S, D, M> {
             space: FreeSpace::new(arm.state(), world, window, *keeps_apart, margin),
             arm: Arc::clone(arm),

@@ -11,7 +11,8 @@ pub struct PlanSettings {
     pub time: f64,
     /// What every link keeps from obstacles \[m\], ≥ 0; less near a start or goal that has less.
     pub margin: f64,
-    /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0; None leaves them out.
+    /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0; None leaves out those
+    /// that move at its beginning.
     pub horizon: Option<f64>,
     /// The share of the limits of speed and acceleration that is used, in (0, 1].
     pub speed: f64,

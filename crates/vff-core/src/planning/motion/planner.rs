@@ -20,6 +20,8 @@ const TRIAL: usize = 16;
 const PATIENCE: usize = 50;
 /// How often another path is searched where no smooth motion was found near the last ones.
 const AGAIN: usize = 4;
+/// More than this is not said to be kept \[m\].
+const MOST_KEPT: f64 = 0.3;
 /// By how much knots may keep from joint limits so that what is between them does \[rad or m\].
 const INSETS: [f64; 6] = [0.0, 1e-6, 1e-5, 5e-5, 2e-4, 1e-3];
 /// Share of the torque limits that a plan uses: the rest is for reacting.
@@ -460,22 +462,23 @@ where
                 .collect();
             let asked: Vec<f64> =
                 kept.iter().zip(&bulges).map(|(kept, bulge)| kept + bulge).collect();
-            pieces.push(
-                asked
-                    .iter()
-                    .zip(&bulges)
-                    .map(|(m, bulge)| (certain(*m) - bulge).max(0.0))
-                    .collect(),
-            );
             let [at_a, at_b] = [a, b].map(|q| self.space.apart_at(q));
             let bulge = bulges.iter().copied().fold(0.0, f64::max);
-            self.space.margins = Margins::constant(asked, at_a.min(at_b) + bulge);
+            self.space.margins = Margins::constant(asked.clone(), at_a.min(at_b) + bulge);
             let is_free = self.space.is_free_between(a, &middle[0])
                 && self.space.is_free_between(&middle[0], b);
             self.space.margins.clone_from(&margins);
             if !is_free {
                 return None;
             }
+            // What is measured in the middle says more, where there is more room than was asked for.
+            let room = self.space.room_within(&middle[0], MOST_KEPT).to_vec();
+            let kept = (0..n).map(|link| {
+                let way = [a, b].map(|end| self.space.way([&middle[0], end], link));
+                let measured = room[link].min(MOST_KEPT) - way[0].max(way[1]);
+                (certain(asked[link]).max(measured) - bulges[link]).max(0.0)
+            });
+            pieces.push(kept.collect());
         }
         let last = pieces.len();
         let at = |k: usize| {

@@ -76,6 +76,8 @@ pub(super) struct FixedBody {
     pub link: usize,
     pub capsule: Capsule<3>,
     pub hull: Option<Box<Hull>>,
+    /// Whether it is of something that the link carries.
+    pub carried: bool,
 }
 
 impl SpatialArm {
@@ -113,13 +115,18 @@ impl SpatialArm {
         let inward = before.transpose();
         let links = description.link_names();
         let (mut bodies, mut still) = (vec![], vec![]);
-        for (i, LinkShape { link, shape }) in description.collision.iter().enumerate() {
+        for (i, LinkShape { link, shape, carried }) in description.collision.iter().enumerate() {
             let path = format!("collision[{i}].shape");
             // The base comes first.
             if let Some(link) = links[1..].iter().position(|name| name == link) {
                 let inward = fixed[link].alignment.transpose();
                 let (capsule, hull) = shape.solid(&path, |point| inward * point)?;
-                bodies.push(FixedBody { link, capsule, hull: hull.map(Box::new) });
+                bodies.push(FixedBody {
+                    link,
+                    capsule,
+                    hull: hull.map(Box::new),
+                    carried: *carried,
+                });
             } else {
                 let position = Vector::from(description.mount.position);
                 let (shape, hull) = shape.solid(&path, |point| mount.rotate(&point) + position)?;
@@ -200,8 +207,8 @@ impl SpatialArm {
     }
 }
 
-/// The pairs of bodies on links that share no joint, the lower index first, without those to `ignore`. `links` begins with
-/// the base, whose bodies have the indices behind those of the others.
+/// The pairs of bodies on links that share no joint, the lower index first, without those to `ignore`, which are said of the links
+/// themselves and not of what they carry. `links` begins with the base, whose bodies have the indices behind those of the others.
 fn pairs(
     bodies: &[FixedBody],
     still: usize,
@@ -216,9 +223,11 @@ fn pairs(
     };
     // Counted from the base.
     let link = |i: usize| bodies.get(i).map_or(0, |body| body.link + 1);
+    let carried = |i: usize| bodies.get(i).is_some_and(|body| body.carried);
     let apart = |[i, j]: &[usize; 2]| {
+        let is_carried = carried(*i) || carried(*j);
         let (i, j) = (link(*i), link(*j));
-        i.abs_diff(j) > 1 && !ignored(i, j)
+        i.abs_diff(j) > 1 && (is_carried || !ignored(i, j))
     };
     let all = (0..bodies.len() + still).flat_map(|j| (0..j).map(move |i| [i, j]));
     all.filter(apart).collect()
@@ -281,7 +290,7 @@ mod tests {
     }
 
     fn carried(link: &str, shape: Shape) -> LinkShape {
-        LinkShape { link: link.into(), shape: shape.into() }
+        LinkShape::of(link, shape)
     }
 
     fn sphere(link: &str, radius: f64) -> LinkShape {

@@ -187,7 +187,7 @@ mod tests {
         joints[1].position[0] = 1.0;
         joints[1].axis = [1.0, 0.0, 0.0];
         let (a, b) = ([0.1, 0.0, 0.0], [0.1, 0.0, 0.5]);
-        let carried = |link: &str, shape| LinkShape { link: link.into(), shape };
+        let carried = |link: &str, shape: PlacedShape| LinkShape::of(link, shape);
         let ball = Shape::Sphere { radius: 0.1 };
         let collision = vec![
             carried("fore", Shape::Capsule { a, b, radius: 0.05 }.into()),

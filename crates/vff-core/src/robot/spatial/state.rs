@@ -78,7 +78,7 @@ impl SpatialState {
     /// Body `k` in the world.
     #[inline]
     pub fn body(&self, k: usize) -> Body<'_, 3> {
-        let FixedBody { link, capsule, hull } = &self.arm.bodies[k];
+        let FixedBody { link, capsule, hull, .. } = &self.arm.bodies[k];
         let Joint { rotation, position, .. } = &self.joints[*link];
         let Capsule { start, direction, length, radius } = *capsule;
         let origin = self.arm.base() + position;

@@ -15,8 +15,8 @@ const PATIENCE: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub(super) struct Fading<S: System<D, M>, const D: usize, const M: usize> {
     pub(super) controller: Controller<S::State, D, M>,
-    /// The arm of the law that comes, for the watch over the loop.
-    pub(super) robot: S::State,
+    /// The arm of the law that comes, for the watch over the loop and for that over its plan.
+    pub(super) robots: [S::State; 2],
     /// For how long it has been left, and until when \[s\]; None if it is not.
     times: Option<[f64; 2]>,
     /// Its last reference, if its tip is another one than that of the law that comes.
@@ -28,9 +28,9 @@ pub(super) struct Fading<S: System<D, M>, const D: usize, const M: usize> {
 impl<S: System<D, M>, const D: usize, const M: usize> Fading<S, D, M> {
     /// Room for the law that one like `controller` takes the place of.
     pub(super) fn room(controller: &Controller<S::State, D, M>) -> Self {
-        let robot = controller.robot().clone();
-        let weight = [0; 2].map(|_| vec![0.0; robot.dof()]);
-        Self { controller: controller.clone(), robot, times: None, last: None, weight }
+        let robots = [0; 2].map(|_| controller.robot().clone());
+        let weight = [0; 2].map(|_| vec![0.0; controller.robot().dof()]);
+        Self { controller: controller.clone(), robots, times: None, last: None, weight }
     }
 
     /// Begins to leave it for `next`, which is at the same state, within `duration` \[s\]. Whether both have the same tip.

@@ -9,6 +9,7 @@ use crate::trajectory::{
     Governor, GovernorSettings, Guided, JointSpline, Pace, Sample, Trajectory,
 };
 use crate::world::World;
+use std::sync::Arc;
 
 /// How far a joint may be from where a plan begins \[rad, m\].
 const NEAR: f64 = 0.1;
@@ -151,6 +152,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
             _ if t < 0.0 => Sample::at_rest(self.trajectory.at(0.0).x),
             Some(governor) => governor.sample(&self.trajectory, t),
             None => self.trajectory.at(t),
+        }
+    }
+
+    /// From now on the arm is `arm`, in the state of `robot`, which becomes the one before: other plans are for it.
+    pub(super) fn exchange_arm(&mut self, arm: &Arc<S::Arm>, robot: &mut S::State) {
+        if let Some(replanning) = &mut self.replanning {
+            replanning.exchange_arm(arm, robot);
         }
     }
 

@@ -571,12 +571,13 @@ where
             controller.believe(before);
         }
         if let Some(supervisor) = supervisor {
-            supervisor.exchange_robot(&mut fading.robot);
+            supervisor.exchange_robot(&mut fading.robots[0]);
         }
         fading.controller.share_cycle(2);
         let is_same = fading.begin(controller, duration);
         if let Some(followed) = &mut self.followed {
             followed.wait(controller.gains().governor, world.time() + self.epoch);
+            followed.exchange_arm(&self.arm, &mut fading.robots[1]);
             if !is_same {
                 followed.lead(controller.robot());
             }

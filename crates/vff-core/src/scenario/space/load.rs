@@ -58,7 +58,11 @@ impl LoadSpec {
         let tool = Isometry3::from(arm.tool);
         if let Some(link) = arm.joints.last().map(|joint| joint.link.clone()) {
             let there = shapes.iter().map(|shape| shape.moved(&tool));
-            arm.collision.extend(there.map(|shape| LinkShape { link: link.clone(), shape }));
+            arm.collision.extend(there.map(|shape| LinkShape {
+                link: link.clone(),
+                shape,
+                carried: true,
+            }));
         }
         Ok(())
     }

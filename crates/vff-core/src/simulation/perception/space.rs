@@ -433,7 +433,7 @@ mod tests {
         let orientation = [1.0, 0.0, 0.0, 0.0];
         let plate = Shape::Box { size: [0.4, 0.02, 0.4] };
         let shape = PlacedShape { orientation: Some(orientation), ..plate.into() };
-        description.collision = vec![LinkShape { link: "panda_link3".into(), shape }];
+        description.collision = vec![LinkShape::of("panda_link3", shape)];
         let mut state = Arc::new(description.build().unwrap()).state();
         state.update(&Q, &[0.0; 7]);
         state
