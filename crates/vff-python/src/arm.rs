@@ -106,8 +106,8 @@ impl Arm {
     /// inertia : (6,) array_like, optional
     ///     Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
     /// shapes : sequence of dict, optional
-    ///     What of it can touch something, each a ``shape`` as in ``[[arm.collision]]`` but in the frame of the
-    ///     tool. They say `com` and `inertia` by default, as of one material. In space alone.
+    ///     What of it can touch something, each a ``shape`` as in ``[[arm.collision]]`` but in the frame of
+    ///     the tool. They say `com` and `inertia` by default, as of one material. In space alone.
     ///
     /// Raises
     /// ------
