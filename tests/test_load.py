@@ -14,6 +14,7 @@ from vffnull.evaluation.geometry.arm import rotation
 from vffnull.model.arm import frame
 from vffnull.robots import emulated
 from vffnull.robots.simulated import SimulatedRobot
+from vffnull.run.emulate import emulate
 from waiting import HANG
 
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
@@ -228,6 +229,9 @@ def test_an_emulated_robot_has_to_be_told() -> None:
     franka.set_load(1.0, [0.0, 0.0, 0.1034 + 0.05], inertia.ravel())
     told = np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max()
     assert untold > 3.0 and told < 1e-9
+    franka.take_load()
+    assert np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max() < 1e-9
+    assert emulate(scene, seconds=0.3).fine
     longer = vff.Scenario.load("ur5e-sweep").replace(
         obstacles=[],
         q0=[0.0, -1.57, 1.57, 0.3, 1.57, 0.0],

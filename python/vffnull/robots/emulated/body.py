@@ -131,6 +131,8 @@ class Body:
     ----------
     model : Arm
         The arm as its maker describes it: without the `load` of a scenario, which a robot has to be told.
+    loaded : Arm
+        The arm with that.
     names : tuple of str
         Of its joints.
     q, dq, ddq : (n,) ndarray
@@ -151,7 +153,9 @@ class Body:
         disturbances: Disturbances,
         physics: Physics = "own",
     ) -> None:
-        self.model = scenario.replace(**{"arm.load": None}).arm if "load" in scenario["arm"] else scenario.arm
+        self.model = self.loaded = scenario.arm
+        if "load" in scenario["arm"]:
+            self.model = scenario.replace(**{"arm.load": None}).arm
         self.names = tuple(scenario.arm.joint_names)
         self.period = 1.0 / positive("rate", rate)
         self._noise = disturbances

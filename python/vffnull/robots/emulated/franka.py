@@ -386,6 +386,10 @@ class Robot:
         self._known = self.body.model.with_load(mass, there, parts if mass > 0.0 else None)
         self.load = (mass, com, inertia)
 
+    def take_load(self) -> None:
+        """Tell the robot of what the arm of the scenario carries, as `set_load` does."""
+        self._known = self.body.loaded
+
     def automatic_error_recovery(self) -> None:
         """Clear a reflex."""
         if self.mode is not RobotMode.Reflex:

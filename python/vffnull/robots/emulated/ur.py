@@ -175,6 +175,10 @@ class Robot:
         self._known = self.body.model.with_load(mass, tool[:3, :3].T @ (np.array(com) - tool[:3, 3]))
         return True
 
+    def take_load(self) -> None:
+        """Tell the robot of what the arm of the scenario carries, as `setPayload` does."""
+        self._known = self.body.loaded
+
     def getMassMatrix(
         self, q: Sequence[float] | None = None, include_rotors_inertia: bool = False
     ) -> list[float]:
