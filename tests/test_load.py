@@ -216,6 +216,19 @@ def test_plans_on_the_way_are_for_the_arm_that_there_is() -> None:
     assert np.linalg.norm(PANDA.pose(q)[0] - PANDA.pose(goal)[0]) < 0.02  # of `replan.tolerance`
 
 
+def test_a_scenario_says_which_law_takes_over() -> None:
+    """Along a plan, whose settings are of no controller without one: `panda-shelf` with a load."""
+    shelf = vff.Scenario.load("panda-shelf")
+    carries = shelf.replace(**{"arm.load": {"mass": 0.4, "shapes": [TRAY | {"size": [0.1, 0.1, 0.02]}]}})
+    with pytest.raises(ScenarioError, match="posture_stiffness"):
+        vff.Controller(carries.arm, carries["controller"])
+    with vff.drive(SimulatedRobot(shelf), shelf, seconds=2.0) as driven:
+        driven.wait(0.5)
+        driven.set_controller(carries, blend=0.3)
+        assert driven.wait(HANG)
+    assert driven.report.status == "completed", driven.report.reason
+
+
 def test_an_emulated_robot_has_to_be_told() -> None:
     """Of what the arm of a scenario carries, and from the flange, wherever the tool ends."""
     shapes = [{"kind": "box", "size": [0.2, 0.2, 0.04], "center": [0.0, 0.0, 0.05]}]

@@ -1683,8 +1683,8 @@ class DriveLoop:
         """The reference from now on; as `Controller.torque` takes it."""
     def set_obstacles(self, obstacles: Sequence[_Document], t: float | None = None) -> None:
         """Other obstacles from now on, whose motions begin at time `t` of the drive, or now."""
-    def set_controller(self, controller: Controller, blend: float) -> None:
-        """Another controller takes over within `blend` [s], among the obstacles of the drive."""
+    def set_controller(self, controller: Controller | _Scenario, blend: float) -> None:
+        """Another controller, or that of a scenario, takes over within `blend` [s]; obstacles stay."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
     def update_points(

@@ -382,7 +382,7 @@ impl DriveLoop {
         done.map_err(|error| errors::scenario(&error))
     }
 
-    /// Another controller takes over within `blend` [s], among the obstacles of the drive.
+    /// Another controller, or that of a scenario, takes over within `blend` [s]; obstacles stay.
     fn set_controller(
         &self,
         py: Python<'_>,
@@ -390,9 +390,12 @@ impl DriveLoop {
         blend: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
         self.is_here()?;
-        let fault = |_| wrong_type("controller: expected a Controller", controller);
-        let given = controller.cast::<Controller>().map_err(fault)?.get();
-        let like = given.with(py, AnyController::clone)?;
+        let like = match controller.cast::<Controller>() {
+            Ok(given) => given.get().with(py, AnyController::clone)?,
+            Err(_) => prepared(py, &convert::scenario(controller)?, |scenario| {
+                AnyController::replanning(&scenario)
+            })?,
+        };
         let blend = number("blend", blend)?;
         let exchange = Arc::clone(&self.exchange);
         let done = py.detach(move || exchange.succeed(&like, blend));

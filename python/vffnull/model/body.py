@@ -32,7 +32,7 @@ UNEVEN = 0.1
 
 
 class Body:
-    """A skeleton whose joints move, for `simulate`, `Scenario` and `drive` a list of obstacles.
+    """A skeleton whose joints move: `obstacles` lists its bones for `simulate`, `Scenario` and `drive`.
 
     Every bone is a capsule, or a ball where it begins and ends at the same joint. Between the instants it
     moves smoothly (docs/theory.md, T177): velocity and acceleration do not jump, and the controller knows

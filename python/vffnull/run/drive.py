@@ -247,7 +247,7 @@ class Drive:
         """
         self._loop.move_obstacle(obstacle, position, velocity)
 
-    def set_controller(self, controller: _core.Controller, blend: float = 0.5) -> None:
+    def set_controller(self, controller: _core.Controller | Scenario, blend: float = 0.5) -> None:
         """Let another controller take over, with other gains, another posture, load or tool.
 
         The torque goes over from one law to the other without a step; while it does, it is a mean of both, so
@@ -261,9 +261,9 @@ class Drive:
 
         Parameters
         ----------
-        controller : Controller
-            The new law: with as many joints, for the same task, with the same `command`. Its own obstacles do
-            not count. The drive works on a copy.
+        controller : Controller or Scenario
+            The new law, or a scenario that has it: with as many joints, for the same task, with the same
+            `command`. Its own obstacles and reference do not count. The drive works on a copy.
         blend : float, optional
             How long the transition takes [s].
 
@@ -281,7 +281,7 @@ class Drive:
         ...     driven.wait()
         True
         """
-        if not isinstance(controller, _core.Controller):
+        if not isinstance(controller, _core.Controller | Scenario):
             raise InputTypeError(f"controller: expected a Controller, not a {type(controller).__name__}")
         self._loop.set_controller(controller, positive("blend", blend))
 
