@@ -175,6 +175,7 @@ _CAMERAS = [
     {"position": [1.5, 0.0, 1.5], "orientation": [0.27, -0.65, -0.65, 0.27]},
     {"position": [-1.0, -1.5, 1.5], "orientation": [0.65, -0.75, 0.1, -0.1]},
 ]
+_CARRIED = {"kind": "box", "size": [0.1, 0.1, 0.1], "orientation": [0.92, 0.3, 0.2, 0.15]}
 _UNKNOWN = "what the interface of "
 _PICTURES = 'it needs kind = "depth"'
 _NO_STOPS = "needs `arm.joint_limits`"
@@ -273,9 +274,7 @@ OPTIONS: dict[str, Option] = {
     "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
     "clouds": Option(_cloud),
     "load": Option(
-        lambda scene: _of_dimension(
-            scene, {}, {"arm.load": {"mass": 0.5, "shapes": [{"kind": "box", "size": [0.1, 0.1, 0.1]}]}}
-        ),
+        lambda scene: _of_dimension(scene, {}, {"arm.load": {"mass": 0.5, "shapes": [_CARRIED]}}),
         yields_less=True,  # what comes near the hand meets it
     ),
     "boxes on links": Option(lambda scene: _boxes(scene) if scene.arm.dimension == 3 else {}),

@@ -105,7 +105,7 @@ def plan(
     vffnull plan narrow-gap
     vffnull plan panda-shelf --horizon 0 --margin 0.03
     vffnull plan panda-shelf --goal 0.5,0.2,0.4 --out plan.npz
-    vffnull plan narrow-gap --goal 0,0.5,0,0 --goal 0.2,0,0,0 --pause 1
+    vffnull plan panda-shelf --goal 0.5,0.2,0.4 --goal 0.4,-0.2,0.4 --pause 1
 
     Exit codes: 0 found, 2 wrong input, 3 nothing found, 130 interrupted.
     """

@@ -73,7 +73,9 @@ class SpaceScene(Scene):
         document = scenario.to_dict()
         self._start = np.asarray(document["q0"], dtype=float)
         self._pushed = pushed_links(document, self._geometry)
-        self._carried = sum(each.get("carried", False) for each in self._geometry.to_dict()["collision"])
+        self._carried = sum(
+            each.get("carried", False) for each in self._geometry.to_dict().get("collision", ())
+        )
         self._task = setting(document, "controller.task")
         self._view = ""
         self._gizmo: viser.TransformControlsHandle | None = None
