@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,8 @@ def test_plans_are_joined_where_they_meet(there: vff.Plan) -> None:
     whole = there.then(back, pause=0.25)
     assert whole.duration == pytest.approx(there.duration + 0.25 + back.duration)
     assert whole.samples == there.samples + back.samples
+    old = replace(back, margins=np.empty((0, 0)))  # of a file without
+    assert there.then(old).margins.size == 0
     with pytest.raises(InputError, match="begin where this plan ends"):
         there.then(there)
 

@@ -188,11 +188,14 @@ class Plan:
         apart = float(np.abs(following.q[0] - self.q[-1]).max())
         if apart > _SAME:
             raise InputError(f"following: must begin where this plan ends, not {apart:.2g} rad or m away")
-        joined = {name: np.concatenate([getattr(self, name), getattr(following, name)]) for name in _ARRAYS}
+        known = len(self.margins) and len(following.margins)
+        joined = {
+            name: np.concatenate([getattr(self, name), getattr(following, name)])
+            for name in _ARRAYS
+            if known or name != "margins"
+        }
         joined["t"][len(self.t) :] += self.t[-1] + rest
         joined["q"][len(self.t)] = self.q[-1]  # exactly: that makes it a rest
-        if not (len(self.margins) and len(following.margins)):
-            joined["margins"] = np.empty((0, 0))
         return Plan(
             status=self.status,
             clearance=min(self.clearance, following.clearance),
