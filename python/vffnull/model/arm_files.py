@@ -26,7 +26,10 @@ _READ = (
 _FILES = ("urdf", "mjcf")
 
 _CHANGED = ("name", "payload", "reach", "joint_limits", "velocity_limits", "torque_limits", "ignore")
-"""What replaces what was read, or is added to it; so is a `load`, which the core adds."""
+"""What replaces what was read, or is added to it."""
+
+_ADDED = ("load",)
+"""What stays beside it: the core adds it."""
 
 
 def anchored(document: Document, folder: Path) -> Document:
@@ -90,8 +93,9 @@ def _read(arm: Mapping[str, Any]) -> Document:
                 f"arm.{key}: the {kind.upper()} says which arm it is: give `{kind}` or `{key}`", f"arm.{key}"
             )
     reads = tuple(key for key in _READ if kind == "urdf" or key != "packages")
-    if strange := sorted(set(arm) - {kind, "collision", *reads, *_CHANGED, "load"}):
-        allowed = ", ".join(f"`{key}`" for key in (kind, "collision", *reads, *_CHANGED, "load"))
+    known = (kind, "collision", *reads, *_CHANGED, *_ADDED)
+    if strange := sorted(set(arm) - set(known)):
+        allowed = ", ".join(f"`{key}`" for key in known)
         raise ScenarioError(f"arm: unknown key `{strange[0]}` beside `{kind}`; allowed: {allowed}", "arm")
     shapes = arm.get("collision", "fit")
     asked = {key: arm[key] for key in reads if key in arm}
@@ -103,7 +107,7 @@ def _read(arm: Mapping[str, Any]) -> Document:
         if not isinstance(shapes, str):
             changes["collision"] = shapes
         changes["ignore"] = [*found.get("ignore", []), *changes.get("ignore", [])]
-        return _core.check_arm(found | changes) | {key: arm[key] for key in ("load",) if key in arm}
+        return _core.check_arm(found | changes) | {key: arm[key] for key in _ADDED if key in arm}
     except (InputError, InputTypeError) as error:
         text = str(error).removeprefix(f"{kind}: ").replace("use from_mjcf", "`[arm] mjcf = …` reads it")
         raise ScenarioError(f"arm.{kind}: {text}", f"arm.{kind}") from None

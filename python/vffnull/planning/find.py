@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from numbers import Real
 from typing import Any
 
@@ -121,17 +122,17 @@ def plan(
     several = _several(goal)
     if several is None:
         return _to_one(ready.arm, _aimed("goal", document, goal, ready.arm.dimension), at, now, settings)
+    if not several:
+        raise InputError("goal: expected one or more, got an empty list")
     aims = [_aimed(f"goal[{i}]", document, each, ready.arm.dimension) for i, each in enumerate(several)]
-    found: Plan | None = None
+    legs: list[Plan] = []
     for i, aim in enumerate(aims):
         leg = _to_one(ready.arm, aim, at, now, settings)
         if leg.status is not PlanStatus.FOUND:
             return replace(leg, message=f"goal {i + 1} of {len(aims)}: {leg.message}")
-        found = leg if found is None else found.then(leg, rest)
+        legs.append(leg)
         at, now = leg.q[-1].tolist(), now + leg.duration + rest
-    if found is None:
-        raise InputError("goal: expected one or more, got an empty list")
-    return found
+    return reduce(lambda before, leg: before.then(leg, rest), legs)
 
 
 def _several(goal: Any) -> list[Any] | None:

@@ -80,21 +80,18 @@ impl JointSpline {
         let knots = times.len();
         let mut pieces = vec![[Vector::zeros(); 4]; n * (knots - 1)];
         let mut start = 0;
-        while start + 1 < knots {
-            let rests = |i: usize| points[i] == points[i + 1];
-            let end = (start..knots - 1).find(|i| rests(*i)).unwrap_or(knots - 1);
-            if start == end {
-                for (piece, q) in pieces[start * n..].iter_mut().zip(&points[start]) {
-                    piece[0] = Vector::<1>::new(*q);
-                }
-                start += 1;
-                continue;
-            }
+        for motion in points.chunk_by(|a, b| a != b) {
+            let end = start + motion.len();
             for joint in 0..n {
-                let point = |i: usize| Vector::<1>::new(points[start + i][joint]);
-                let fitted = cubics(&times[start..=end], point, Ends::Clamped);
-                for (i, piece) in fitted.into_iter().enumerate() {
-                    pieces[(start + i) * n + joint] = piece;
+                let point = |i: usize| Vector::<1>::new(motion[i][joint]);
+                if motion.len() > 1 {
+                    let fitted = cubics(&times[start..end], point, Ends::Clamped);
+                    for (i, piece) in fitted.into_iter().enumerate() {
+                        pieces[(start + i) * n + joint] = piece;
+                    }
+                }
+                if end < knots {
+                    pieces[(end - 1) * n + joint][0] = point(motion.len() - 1);
                 }
             }
             start = end;

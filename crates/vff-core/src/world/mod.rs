@@ -161,13 +161,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// What stands still, and what moves or turns, as worlds of their own at t = 0. Allocates.
     #[must_use]
     pub fn parted(&self) -> [Self; 2] {
-        [true, false].map(|stands_still| self.only(|it| it.is_static == stands_still))
-    }
-
-    /// What moves or turns, but rests at time `t` \[s\], as a world of its own at t = 0. Allocates.
-    #[must_use]
-    pub fn resting(&self, t: f64) -> Self {
-        self.only(|it| !it.is_static && it.rests_at(t))
+        [true, false].map(|stands_still| {
+            self.only((0..self.len()).filter(|j| self.stands_still(*j) == stands_still))
+        })
     }
 
     /// Whether obstacle `j` rests at time `t` \[s\].
@@ -175,9 +171,14 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         self.obstacles[j].rests_at(t)
     }
 
-    fn only(&self, wanted: impl Fn(&Placed<S, D>) -> bool) -> Self {
-        let wanted = self.obstacles.iter().filter(|it| wanted(it));
-        let mut obstacles: Vec<Placed<S, D>> = wanted.cloned().collect();
+    /// The obstacles with these numbers, as a world of their own at t = 0. Allocates.
+    ///
+    /// # Panics
+    /// If there is none of such a number.
+    #[must_use]
+    pub fn only(&self, numbers: impl IntoIterator<Item = usize>) -> Self {
+        let mut obstacles: Vec<Placed<S, D>> =
+            numbers.into_iter().map(|j| self.obstacles[j].clone()).collect();
         obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(0.0));
         // Where every one is asked, one may move as no hierarchy is made for.
         let has_broad_phase =

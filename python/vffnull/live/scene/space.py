@@ -73,9 +73,6 @@ class SpaceScene(Scene):
         document = scenario.to_dict()
         self._start = np.asarray(document["q0"], dtype=float)
         self._pushed = pushed_links(document, self._geometry)
-        self._carried = sum(
-            each.get("carried", False) for each in self._geometry.to_dict().get("collision", ())
-        )
         self._task = setting(document, "controller.task")
         self._view = ""
         self._gizmo: viser.TransformControlsHandle | None = None
@@ -457,6 +454,7 @@ class SpaceScene(Scene):
         """
         thin = 0.8 if self._dress is None else 0.45  # a robot is thinner than what is measured of it
         pale = which != "arm"
+        collision = self._geometry.to_dict().get("collision", ())
         nodes, links = [], []
         for i in range(len(self._own)):
             name = f"/{which}/{i}"
@@ -466,8 +464,12 @@ class SpaceScene(Scene):
                 for corners, radius in self._own[i]
             ]
             if self._dress is not None and not pale:
-                carried = bodies[len(bodies) - self._carried :] if i + 1 == len(self._own) else []
-                bodies = [*self._looks(self._geometry.link_names[i]), *carried]
+                link = self._geometry.link_names[i]
+                there = [each for each in collision if each["link"] == link]
+                carried = [
+                    body for body, each in zip(bodies, there, strict=True) if each.get("carried", False)
+                ]
+                bodies = [*self._looks(link), *carried]
             links.append(
                 [
                     self._mesh(

@@ -117,23 +117,21 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         keeps_apart: bool,
         margin: f64,
     ) -> Self {
-        let [still, mut moving] = world.parted();
-        let [start, duration] =
-            window.map_or([0.0; 2], |it| [it.start, it.duration.unwrap_or(0.0)]);
-        let end = start + duration;
-        let rests_only = window.is_some_and(|it| it.duration.is_none());
-        if rests_only {
-            moving = world.resting(start);
-        }
-        let speed = moving.top_speed(end);
-        let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
-        let stride = duration / places;
         let (standing, mut others): (Vec<_>, Vec<_>) =
             (0..world.len()).partition(|j| world.stands_still(*j));
-        others.retain(|j| !rests_only || world.rests_at(*j, start));
-        let numbers = (standing, others);
-        let mut worlds = vec![still];
-        if window.is_some() && !moving.is_empty() {
+        let [start, duration] =
+            window.map_or([0.0; 2], |it| [it.start, it.duration.unwrap_or(0.0)]);
+        others.retain(|j| match window {
+            Some(Window { duration: Some(_), .. }) => true,
+            Some(_) => world.rests_at(*j, start),
+            None => false,
+        });
+        let moving = world.only(others.iter().copied());
+        let speed = moving.top_speed(start + duration);
+        let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
+        let stride = duration / places;
+        let mut worlds = vec![world.only(standing.iter().copied())];
+        if !moving.is_empty() {
             for k in 0..places as u32 {
                 let mut there = moving.clone();
                 there.update(start + stride * (f64::from(k) + 0.5));
@@ -149,7 +147,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             reach: Levers::new(&mut robot),
             robot,
             worlds: worlds.into_iter().map(with_boxes).collect(),
-            numbers: [numbers.0, numbers.1],
+            numbers: [standing, others],
             slack: 0.5 * stride * speed,
             keeps_apart,
             margins: Margins::constant(vec![margin; n], APART),
