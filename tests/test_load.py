@@ -236,14 +236,14 @@ def test_an_emulated_robot_has_to_be_told() -> None:
         obstacles=[], **{"arm.load": {"mass": 1.0, "shapes": shapes}}
     )
     franka = emulated.franka.Robot(scene)
-    untold = np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max()
+    untold = np.abs(franka.body.weight() - franka.body.known.gravity_torque(franka.body.q)).max()
     turn = frame(PANDA.to_dict()["tool"])[:3, :3]
     inertia = turn @ np.diag([0.04 + 0.0016, 0.04 + 0.0016, 0.08]) / 12 @ turn.T
     franka.set_load(1.0, [0.0, 0.0, 0.1034 + 0.05], inertia.ravel())
-    told = np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max()
+    told = np.abs(franka.body.weight() - franka.body.known.gravity_torque(franka.body.q)).max()
     assert untold > 3.0 and told < 1e-9
-    franka.take_load()
-    assert np.abs(franka.body.weight() - franka._known.gravity_torque(franka.body.q)).max() < 1e-9
+    franka.body.known = franka.body.loaded
+    assert np.abs(franka.body.weight() - franka.body.known.gravity_torque(franka.body.q)).max() < 1e-9
     assert emulate(scene, seconds=0.3).fine
     longer = vff.Scenario.load("ur5e-sweep").replace(
         obstacles=[],
@@ -255,7 +255,7 @@ def test_an_emulated_robot_has_to_be_told() -> None:
     )
     ur = emulated.ur.Robot(longer)
     ur.setPayload(1.0, [0.0, 0.0, 0.20])
-    np.testing.assert_allclose(ur.body.weight(), ur._known.gravity_torque(ur.body.q), atol=1e-9)
+    np.testing.assert_allclose(ur.body.weight(), ur.body.known.gravity_torque(ur.body.q), atol=1e-9)
 
 
 def test_cameras_do_not_see_what_is_carried() -> None:

@@ -202,7 +202,7 @@ def emulate(
         there, rate = ur.Robot(ready, disturbances, physics), ur.RATE
         adapter = URRobot(there)
         adapter.paces = True  # its time goes on with the commands
-    there.take_load()  # as a program has to
+    there.body.known = there.body.loaded  # as a program has to tell
     given = ready["controller"].get("command")
     blend_time = given.get("blend_time", _BLEND_TIME) if isinstance(given, Mapping) else _BLEND_TIME
     # Its time goes on with the cycles, however long they take: a clock says nothing of it.

@@ -133,6 +133,8 @@ class Body:
         The arm as its maker describes it: without the `load` of a scenario, which a robot has to be told.
     loaded : Arm
         The arm with that.
+    known : Arm
+        The arm as the robot has been told of it: `model`, until it knows what is carried.
     names : tuple of str
         Of its joints.
     q, dq, ddq : (n,) ndarray
@@ -156,6 +158,7 @@ class Body:
         self.model = self.loaded = scenario.arm
         if "load" in scenario["arm"]:
             self.model = scenario.replace(**{"arm.load": None}).arm
+        self.known = self.model
         self.names = tuple(scenario.arm.joint_names)
         self.period = 1.0 / positive("rate", rate)
         self._noise = disturbances

@@ -322,7 +322,6 @@ class Robot:
         given = prepare(scenario)
         self._name = _named(tuple(given.arm.joint_names))
         self.body = body = Body(given, RATE, disturbances or Disturbances(), physics)
-        self._known = body.model
         self._deadline = None if deadline is None else positive("deadline", deadline)
         limits = body.model.torque_limits, body.model.velocity_limits, body.model.joint_limits
         assert all(limit is not None for limit in limits), "of a bundled arm"
@@ -383,12 +382,8 @@ class Robot:
         there = turn.T @ (com + np.array([0.0, 0.0, _FLANGE]) - tool[:3, 3])
         turned = turn.T @ inertia.reshape(3, 3) @ turn
         parts = turned[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        self._known = self.body.model.with_load(mass, there, parts if mass > 0.0 else None)
+        self.body.known = self.body.model.with_load(mass, there, parts if mass > 0.0 else None)
         self.load = (mass, com, inertia)
-
-    def take_load(self) -> None:
-        """Tell the robot of what the arm of the scenario carries, as `set_load` does."""
-        self._known = self.body.loaded
 
     def automatic_error_recovery(self) -> None:
         """Clear a reflex."""
@@ -398,7 +393,7 @@ class Robot:
 
     def load_model(self) -> Model:
         """The robot's model of the arm."""
-        return Model(self._known)
+        return Model(self.body.known)
 
     def read_once(self) -> RobotState:
         """The next state, while nothing drives it."""
@@ -414,7 +409,7 @@ class Robot:
         self._idle("Move")
         self.mode, self.reflex, self.last_errors = RobotMode.Move, None, Errors()
         self.tau_J_d = np.zeros(_JOINTS)
-        self.external = self.body.weight() - self._known.gravity_torque(self.body.q)  # it has stood here
+        self.external = self.body.weight() - self.body.known.gravity_torque(self.body.q)  # it has stood here
         self._answered, self._lost = True, 0
         self.taken.clear()
         return self
@@ -462,7 +457,7 @@ class Robot:
         self.taken.append(received is not None)
         before = self.tau_J_d
         self.tau_J_d = before if received is None else received
-        weight = self._known.gravity_torque(body.q)
+        weight = self.body.known.gravity_torque(body.q)
         self.tau_J = self.tau_J_d + weight
         body.move(self.tau_J + body.friction(_COMPENSATED, _COMPENSATED))
         self._estimate()
@@ -487,10 +482,10 @@ class Robot:
         often, the force that this is at the hand, none near a singularity, and the hand's speed.
         """
         body = self.body
-        seen = self.tau_J - self._known.inverse_dynamics(body.q, body.dq, body.ddq)
+        seen = self.tau_J - self.body.known.inverse_dynamics(body.q, body.dq, body.ddq)
         self.external = self.external + _SHARE * (seen - self.external)
         if body.cycle % _EVERY == 0:
-            jacobian = self._known.jacobian(body.q)
+            jacobian = self.body.known.jacobian(body.q)
             turn = jacobian @ body.dq
             self._hand = (math.hypot(*turn[:3]), math.hypot(*turn[3:]))
             u, gains, v = np.linalg.svd(jacobian, full_matrices=False)

@@ -119,7 +119,6 @@ class Robot:
             )
         self.body = body = Body(given, RATE, disturbances or Disturbances(), physics)
         torques, speeds, ranges = (np.asarray(limit) for limit in limits)
-        self._known = body.model
         self._middle = ranges.mean(axis=1)
         self._values, self._limits = np.zeros((2, _SILENT + 1))
         self._limits[_TORQUES], self._limits[_SPEEDS] = torques, speeds
@@ -157,7 +156,7 @@ class Robot:
             body.hold()
         else:
             self._silent = 0
-            self._moment = np.array(torque) + self._known.gravity_torque(body.q)
+            self._moment = np.array(torque) + self.body.known.gravity_torque(body.q)
             body.move(self._moment + body.friction(np.array(viscous_scale), np.array(coulomb_scale)))
         self._judge()
         return self._runs
@@ -172,18 +171,14 @@ class Robot:
         mass, com = within("mass", arg0, 0.0, 100.0), [float(x) for x in arg1]
         self._payload = (mass, com)
         tool = frame(self.body.model.to_dict()["tool"])  # from the flange, the frame of the last link
-        self._known = self.body.model.with_load(mass, tool[:3, :3].T @ (np.array(com) - tool[:3, 3]))
+        self.body.known = self.body.model.with_load(mass, tool[:3, :3].T @ (np.array(com) - tool[:3, 3]))
         return True
-
-    def take_load(self) -> None:
-        """Tell the robot of what the arm of the scenario carries, as `setPayload` does."""
-        self._known = self.body.loaded
 
     def getMassMatrix(
         self, q: Sequence[float] | None = None, include_rotors_inertia: bool = False
     ) -> list[float]:
         """The robot's own mass matrix (36,) [kg·m²]."""
-        return self._known.mass_matrix(q or self.body.q).ravel().tolist()
+        return self.body.known.mass_matrix(q or self.body.q).ravel().tolist()
 
     def isProgramRunning(self) -> bool:
         """Whether the program on the robot runs, which takes commands."""
