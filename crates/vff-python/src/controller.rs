@@ -12,6 +12,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 use std::mem::{replace, take};
+use std::sync::atomic::{AtomicBool, Ordering};
 use vff_core::control::output::Phase;
 use vff_core::math::memory;
 use vff_core::math::rotation::NotARotation;
@@ -60,6 +61,9 @@ pub struct Controller {
     nothing: AnyObstacles,
     summary: String,
     strict: bool,
+    /// Whether the law remembers, and whether the last torque was asked for without a time.
+    remembers: bool,
+    untimed: AtomicBool,
     inner: Exclusive<Inner>,
 }
 
@@ -194,6 +198,8 @@ impl Controller {
         }
         Ok(Self {
             n: controller.dof(),
+            remembers: controller.remembers(),
+            untimed: AtomicBool::new(false),
             widths: controller.widths(),
             nothing: arm.arm.no_obstacles(),
             summary: controller.summary(),
@@ -219,7 +225,8 @@ impl Controller {
     /// obstacles : sequence of Obstacle or dict, optional
     ///     What to keep away from; nothing by default.
     /// t : float, optional
-    ///     Time [s] at which the obstacles' motions are taken.
+    ///     Time [s] at which the obstacles' motions are taken, and by which `observer` and `tank` go on: in a loop
+    ///     with these it has to be given.
     ///
     /// Returns
     /// -------
@@ -247,6 +254,12 @@ impl Controller {
         obstacles: Option<&Bound<'py, PyAny>>,
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array1<'py>> {
+        if self.untimed.swap(t.is_none(), Ordering::Relaxed) && t.is_none() && self.remembers {
+            errors::warn(
+                py,
+                "t: stands still from call to call: `observer` and `tank` learn nothing, so give the time",
+            )?;
+        }
         let call = Call { q, dq, x: x_ref, dx: dx_ref, ddx: ddx_ref, obstacles, t };
         let tau = self.evaluate(py, &call, |tau, _| tau.to_vec())?;
         Ok(array1(py, &tau))

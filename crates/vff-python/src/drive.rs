@@ -232,10 +232,13 @@ impl DriveLoop {
             }
         }
         let found = PyDict::new(py);
+        let first_time = values.first().copied().unwrap_or(f64::NAN);
         for ((name, values), (_, width)) in columns.into_iter().zip(&layout.0) {
             match (name, one) {
                 ("t" | "path_time", true) => found.set_item(name, values[0])?,
                 ("q_plan", true) if values[0].is_nan() => {}
+                // Without an observer; before the first period nobody knows.
+                ("tau_ext_estimate", true) if values[0].is_nan() && !first_time.is_nan() => {}
                 ("t" | "path_time", false) | (_, true) => {
                     found.set_item(name, PyArray1::from_vec(py, values))?;
                 }

@@ -71,11 +71,10 @@ impl SimulatedRobot {
             }
             None => None,
         };
-        let weightless = arm.is_some();
         let dof = arm.as_ref().map(|arm| arm.dof());
         let make = |scenario: Scenario| drive::SimulatedRobot::new(&scenario, rate, arm.as_ref());
         let inner = prepared(scenario.py(), &convert::scenario(scenario)?, make)?;
-        let n = inner.dof();
+        let (n, weightless) = (inner.dof(), inner.is_weightless());
         if dof.is_some_and(|dof| dof != n) {
             return Err(InputError::new_err(format!(
                 "arm: expected one of {n} joints, as in the scenario"
@@ -84,7 +83,8 @@ impl SimulatedRobot {
         Ok(Self { inner: Arc::new(Mutex::new(inner)), n, weightless })
     }
 
-    /// Who adds the torque against gravity: ``"robot"`` with an `arm`, else ``"controller"``.
+    /// Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command`` says
+    /// so, else ``"controller"``.
     #[getter]
     fn gravity(&self) -> &'static str {
         if self.weightless { "robot" } else { "controller" }

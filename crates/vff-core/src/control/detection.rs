@@ -132,9 +132,13 @@ impl ContactDetector {
         (self.age, self.link, self.quiet) = (0.0, None, 0.0);
     }
 
-    /// Takes over what another detector knows.
-    pub fn believe(&mut self, other: &Self) {
-        self.joints.copy_from_slice(&other.joints);
+    /// Takes over what another detector knows, where the estimate is so much `more` of each joint \[N·m, N\].
+    pub fn believe(&mut self, other: &Self, more: impl Fn(usize) -> f64) {
+        for (i, (joint, theirs)) in self.joints.iter_mut().zip(&other.joints).enumerate() {
+            let Joint { least, friction, .. } = *joint;
+            let (mean, smooth) = (theirs.mean + more(i), theirs.smooth + more(i));
+            *joint = Joint { least, friction, mean, smooth, ..*theirs };
+        }
         self.deviation.copy_from_slice(&other.deviation);
         self.threshold.copy_from_slice(&other.threshold);
         (self.age, self.link, self.quiet) = (other.age, other.link, other.quiet);

@@ -205,12 +205,28 @@ impl MomentumObserver {
         }
     }
 
-    /// Takes over the estimate of another observer.
-    pub fn believe(&mut self, other: &Self) {
-        self.estimate.copy_from_slice(&other.estimate);
-        if let (Some(detector), Some(other)) = (&mut self.detector, &other.detector) {
-            detector.believe(other);
+    /// Takes over the estimate of another observer, with so much `more` of each joint \[N·m, N\].
+    pub fn believe(&mut self, other: &Self, more: impl Fn(usize) -> f64) {
+        for (i, (r, other)) in self.estimate.iter_mut().zip(&other.estimate).enumerate() {
+            *r = other + more(i);
         }
+        if let (Some(detector), Some(other)) = (&mut self.detector, &other.detector) {
+            detector.believe(other, more);
+        }
+    }
+
+    /// Goes on from where another observer is whose arm, `others`, is at the same state as `robot`. Torques that one of these models
+    /// has to exert against gravity and the other has not are from outside for one of them alone (T141).
+    pub fn go_on<R: Robot<D>, const D: usize>(&mut self, other: &Self, robot: &R, others: &R) {
+        let is_by_model = [self.source, other.source] == [Source::Momentum; 2];
+        let [mut own, mut theirs] = std::mem::take(&mut self.scratch);
+        robot.gravity_torque(&mut own);
+        others.gravity_torque(&mut theirs);
+        self.believe(other, |i| if is_by_model { own[i] - theirs[i] } else { 0.0 });
+        self.scratch = [own, theirs];
+        self.measured.copy_from_slice(&other.measured);
+        robot.momentum_and_drift(&mut self.momentum, &mut self.drift);
+        self.has_begun = other.has_begun;
     }
 
     /// Takes in the state of `robot`, `elapsed` \[s\] after the last one, over which `acted` has been exerted; None if nobody

@@ -152,6 +152,7 @@ mod tests {
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity: [0.0; 3],
             motion: Motion::Static {},
+            ignore: vec![],
         }])
     }
 

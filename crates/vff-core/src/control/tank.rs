@@ -53,6 +53,11 @@ impl Tank {
         self.level
     }
 
+    /// Holds what `other` holds, as far as there is room for it: nothing is gained by another law.
+    pub fn take_over(&mut self, other: &Self) {
+        self.level = other.level.min(self.settings.capacity);
+    }
+
     /// The share of the repulsion that is let through while it would inject `power` \[W\]. Continuous
     /// in both the power and the level.
     pub fn share(&self, power: f64) -> f64 {

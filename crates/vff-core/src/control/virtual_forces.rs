@@ -35,6 +35,7 @@ use std::ops::Range;
 ///     angle: 0.0,
 ///     angular_velocity: 0.0,
 ///     motion: Motion::Static {},
+///     ignore: vec![],
 /// };
 /// controller.observe(&[0.0; 3], &[0.0; 3], &mut World::new(vec![disc]));
 /// let forces: &VirtualForces<PlanarWrench, 2> = controller.forces();

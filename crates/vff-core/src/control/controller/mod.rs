@@ -175,6 +175,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.believe(&other.reactive);
     }
 
+    /// [`ReactiveController::take_over`].
+    pub fn take_over(&mut self, other: &Self) {
+        self.reactive.take_over(&other.reactive);
+    }
+
     /// Looks ahead from the observed state, and from what was sent last if [`expect`](Self::expect) said so, if it is time and as far as there is time left in this cycle: `reference(s)` is
     /// that in s seconds.
     pub fn look_ahead(

@@ -19,6 +19,9 @@ use crate::trajectory::{JointSpline, Pace, Sample};
 use crate::world::CollisionQuery;
 use std::mem::replace;
 
+/// Tips that are no farther apart are the same \[m, rad\].
+const SAME_TIP: f64 = 1e-9;
+
 /// The torque controller of [`Controller`](super::Controller) without look-ahead: the law, the forces, the limits, and what gives way.
 ///
 /// Call [`observe`](Self::observe) with the state and the surroundings, then [`command`](Self::command) with the
@@ -265,7 +268,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// Takes over what another controller of this arm knows by its observer.
     pub fn believe(&mut self, of: &Self) {
         if let (Some(observer), Some(other)) = (&mut self.observer, &of.observer) {
-            observer.believe(other);
+            observer.believe(other, |_| 0.0);
             if let (Some(reaction), Some(other)) = (&mut self.reaction, &of.reaction) {
                 reaction.believe(other);
             }
@@ -273,6 +276,26 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
         if let (Some(force), Some(other)) = (&mut self.force, &of.force) {
             force.believe(other);
+        }
+    }
+
+    /// The same from a controller whose place it takes, where both are at the same state: its observer goes on from there, and so does
+    /// a task that is stopped. The arms may carry different things; where they have different tips, what the other task has given
+    /// way by is forgotten.
+    pub fn take_over(&mut self, of: &Self) {
+        self.believe(of);
+        if let (Some(observer), Some(other)) = (&mut self.observer, &of.observer) {
+            observer.go_on(other, &self.robot, &of.robot);
+            self.answer();
+        }
+        match &mut self.reaction {
+            Some(reaction) if self.robot.pose().error(&of.robot.pose()).norm() >= SAME_TIP => {
+                reaction.forget();
+            }
+            _ => self.reference = of.reference, // from where a stopped task counts how far it goes on
+        }
+        if let (Some(tank), Some(other)) = (&mut self.tank, &of.tank) {
+            tank.take_over(other);
         }
     }
 
@@ -326,7 +349,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn write_held(&self, out: &mut [f64]) {
         let Self { robot, gains, observer, force, .. } = self;
         let rejects = [gains.touch.task, gains.touch.null_space].contains(&Answer::Reject);
-        let Some(observer) = observer.as_ref().filter(|_| rejects) else { return };
+        let Some(observer) = observer.as_ref().filter(|_| rejects) else { return out.fill(0.0) };
         observer.write_resisted(out);
         out.iter_mut().for_each(|out| *out = -*out);
         if let Some(force) = force {

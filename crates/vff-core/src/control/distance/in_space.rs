@@ -84,8 +84,14 @@ fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Movi
         Shape::Points { points, .. } => Some(points.clone()),
         _ => None,
     };
-    let mut world =
-        World::new(vec![Obstacle { shape, position, orientation, angular_velocity, motion }]);
+    let mut world = World::new(vec![Obstacle {
+        shape,
+        position,
+        orientation,
+        angular_velocity,
+        motion,
+        ignore: vec![],
+    }]);
     if let Some(points) = seen {
         let velocities: Vec<_> = own.iter().copied().cycle().take(points.len()).collect();
         let mut points = Points::moving(points, &velocities, Some(-0.2), orientation);
@@ -339,6 +345,7 @@ fn barriers_have_no_peak_at_parallel_axes() {
         orientation: [1.0, 0.0, 0.0, 0.0],
         angular_velocity: [0.0; 3],
         motion: Motion::default(),
+        ignore: vec![],
     }]);
     let (mut peak, mut most): (f64, f64) = (0.0, 0.0);
     for k in -2000..=2000 {

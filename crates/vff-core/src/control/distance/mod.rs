@@ -255,7 +255,10 @@ pub(super) mod tests {
         let rate = prop_oneof![Just(0.0), -2.0..2.0f64];
         (shape, [-3.0..3.0f64, -3.0..3.0], -PI..PI, motion, rate).prop_map(
             |((kind, shape), position, angle, motion, angular_velocity)| {
-                (kind, Obstacle { shape, position, angle, angular_velocity, motion })
+                (
+                    kind,
+                    Obstacle { shape, position, angle, angular_velocity, motion, ignore: vec![] },
+                )
             },
         )
     }
@@ -360,6 +363,7 @@ pub(super) mod tests {
             angle: 0.0,
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.6, 0.0] },
+            ignore: vec![],
         };
         let (k, margin, dt) = (20.0, 0.03, 1e-4);
         let least = |sliding_term: bool| {
@@ -412,6 +416,7 @@ pub(super) mod tests {
                 angle: 0.0,
                 angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.3, 0.0] },
+                ignore: vec![],
             };
             let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
             (DistanceRate::new(&state, &contact), DistanceRate::cautious(&state, &contact))
@@ -443,6 +448,7 @@ pub(super) mod tests {
             angle: 0.0,
             angular_velocity: 0.0,
             motion: Motion::default(),
+            ignore: vec![],
         };
         let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
         let d = |q: f64| 0.5 * q.cos() - 0.6 * q.sin() - 0.1;

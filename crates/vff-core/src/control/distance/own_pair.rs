@@ -494,8 +494,9 @@ mod tests {
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity: [0.0; 3],
             motion: Motion::default(),
+            ignore: vec![],
         };
-        World::new(vec![obstacle]).contact(0, &Body { link: 0, shape, hull }, 0).distance
+        World::new(vec![obstacle]).contact(0, &Body { hull, ..Body::new(0, shape) }, 0).distance
     }
 
     /// Boxes and hulls of an arm, from each other, from its capsules and from its base: distances are those of the same

@@ -163,8 +163,9 @@ pub struct Supervisor<R, const D: usize> {
     blended: f64,
     /// What was sent before this cycle.
     sent: Vec<f64>,
-    /// Whether that has acted since the last state.
+    /// Whether that has acted since the last state, and for how long before this one \[s\], if it has.
     is_known: bool,
+    acted: Option<f64>,
     /// What the law adds for a load that the model does not know: an arm that is damped holds it, too.
     carried: Vec<f64>,
     /// That, and what holds it.
@@ -229,6 +230,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             beside: vec![0.0; n],
             hold: Hold::new(n, damping, period),
             is_known: false,
+            acted: None,
         })
     }
 
@@ -274,15 +276,20 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         Some(time)
     }
 
-    /// Lets `controller`, which has observed the new state, know what has been sent before it.
-    pub fn report<const M: usize>(&mut self, controller: &mut Controller<R, D, M>)
+    /// Lets `controller`, which has observed the new state, know what has been sent before it: the robot has held that since the
+    /// last state, `elapsed` \[s\] before, as many periods as that may be. Counted in whole periods, however a clock jitters.
+    pub fn report<const M: usize>(&mut self, controller: &mut Controller<R, D, M>, elapsed: f64)
     where
         R: Manipulator<D, M> + Clone,
     {
         self.take_up();
         self.sent.copy_from_slice(self.output.sent());
-        let elapsed = replace(&mut self.is_known, true).then_some(self.period);
-        controller.hear(Some(&mut self.output), &self.sent, elapsed);
+        let elapsed = (elapsed / self.period).round().max(1.0) * self.period;
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
+        let longest = f64::max(HELD, self.period * self.missed_cycles as f64);
+        let is_known = replace(&mut self.is_known, true) && elapsed <= longest;
+        self.acted = is_known.then_some(elapsed);
+        controller.hear(Some(&mut self.output), &self.sent, self.acted);
         controller.write_held(&mut self.carried);
     }
 
@@ -291,7 +298,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     where
         R: Manipulator<D, M> + Clone,
     {
-        controller.hear(Some(&mut self.output), &self.sent, Some(self.period));
+        controller.hear(Some(&mut self.output), &self.sent, self.acted);
     }
 
     /// From now on the arm is like `robot`, which becomes the one before.
@@ -344,19 +351,20 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             _ => Phase::Stopping,
         };
         self.place();
-        self.damp_here(phase, self.damping.max(damping_before_stops(&self.robot)))
+        let sharpest = SHARPEST.min(1.0 / self.period); // held over a period, more would turn the arm round
+        self.damp_here(phase, self.damping.max(damping_before_stops(&self.robot, sharpest)))
     }
 
     /// A cycle without a state.
     pub fn miss(&mut self) -> Phase {
         self.missed = self.missed.saturating_add(1);
-        (self.still, self.is_known) = (0, false);
         if self.phase.is_over() {
             return self.phase;
         }
         if self.missed < self.missed_cycles {
-            return self.hold();
+            return self.hold(); // the same goes on to act
         }
+        (self.still, self.is_known) = (0, false);
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
         let decay = self.damping * self.period * (self.missed - self.missed_cycles) as f64;
         let (phase, left) = match decay {
@@ -445,19 +453,22 @@ fn can_be(measured: &[f64], model: &[f64], limits: &Limits) -> bool {
     joints.all(|((measured, model), limit)| (measured - model).abs() <= 0.5 * limit)
 }
 
-/// The damping \[1/s\] at which no joint comes to its stop, as far as that is sharper than [`SHARPEST`]: one that would be there
+/// The damping \[1/s\] at which no joint comes to its stop, as far as that is no sharper than `sharpest`: one that would be there
 /// after a time T at its speed never is if it is damped by 1/T or more, because it goes as far as its speed in 1/d (T115).
-fn damping_before_stops<R: Robot<D>, const D: usize>(robot: &R) -> f64 {
+fn damping_before_stops<R: Robot<D>, const D: usize>(robot: &R, sharpest: f64) -> f64 {
     let limits = robot.limits();
     let moves = robot.configuration().iter().zip(robot.velocity()).enumerate();
     moves.fold(0.0, |most, (i, (q, dq))| match limits.kept_angles(i, KEPT_ANGLE) {
         Some([low, high]) if *dq != 0.0 => {
             let left = if *dq < 0.0 { q - low } else { high - q };
-            f64::max(most, if left > 0.0 { (dq.abs() / left).min(SHARPEST) } else { SHARPEST })
+            f64::max(most, if left > 0.0 { (dq.abs() / left).min(sharpest) } else { sharpest })
         }
         _ => most,
     })
 }
+
+/// For so long, or for `missed_cycles` periods, a robot of which nothing is heard is taken to hold what it was sent last \[s\].
+const HELD: f64 = 0.02;
 
 /// What a stop keeps from the stops of joints \[rad, m\].
 const KEPT_ANGLE: f64 = 0.01;

@@ -96,6 +96,11 @@ pub enum SuccessionError {
     /// The last succession is under way.
     #[error("the law before is still being left")]
     Succeeding,
+    /// Its observer follows what the robot does not measure.
+    #[error(
+        "observer.source = \"measured\": the robot measures no torque from outside; \"momentum\" estimates it"
+    )]
+    Unmeasured,
     /// It is not for the period of the loop.
     #[error(transparent)]
     Period(#[from] BeginError),
@@ -452,6 +457,11 @@ pub trait ErasedController: Debug + Send {
             .observer
             .as_ref()
             .is_some_and(|observer| observer.source == Source::Measured)
+    }
+
+    /// Whether its torque depends on what has been before, and so on the time from state to state.
+    fn remembers(&self) -> bool {
+        self.settings().observer.is_some() || self.settings().tank.is_some()
     }
 
     /// The torque from outside, as estimated at the observed state \[N·m, N\], (n); None without an observer.

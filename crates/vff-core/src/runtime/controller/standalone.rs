@@ -1,6 +1,8 @@
 //! A controller that is called from outside, with what is around it and what it remembers.
 
+mod aside;
 mod made;
+mod succession;
 
 use super::fading::Fading;
 use super::followed::Followed;
@@ -12,7 +14,7 @@ use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
-use crate::robot::{Limits, Robot};
+use crate::robot::{Limits, Model, Robot};
 use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
 use crate::scenario::{self, FromDocument, ScenarioError};
@@ -20,6 +22,7 @@ use crate::simulation::{Replanned, System};
 use crate::trajectory::Sample;
 use crate::world::space::{self, Points};
 use crate::world::{CollisionQuery, Contact, Description, ObstacleGeometry, World};
+use aside::Memory;
 use nalgebra::DMatrix;
 use std::any::Any;
 use std::mem::swap;
@@ -58,6 +61,11 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     left_out: LeftOut,
     /// Whether the last call came to no good: it was broken off, or its torque is not finite.
     spoilt: bool,
+    /// What the last cycle has left behind, where something else was asked since: the next one goes on from there.
+    memory: Option<Box<Memory<S, D, M>>>,
+    /// Whether that is so, and whether there has been a cycle.
+    is_aside: bool,
+    has_cycled: bool,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
@@ -226,9 +234,12 @@ where
     fn add(&mut self, document: &Table) -> Result<Vec<String>, ScenarioError> {
         let obstacle = scenario::read_seen_obstacle::<S, D>(document)?;
         let odd = scenario::misread_obstacle::<S, D>(&obstacle, self.reach);
+        let links = self.arm.link_names();
+        scenario::known_ignored(&obstacle, &links)?;
         let more = S::Geometry::new(&obstacle).barriers();
         self.fits(self.world.barrier_count().saturating_add(more))?;
         self.world.add(obstacle);
+        self.world.know_links(&links);
         self.reserve();
         Ok(odd)
     }
@@ -299,7 +310,7 @@ where
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
-        self.supervisor = Some(Box::new(supervisor));
+        (self.supervisor, self.has_cycled) = (Some(Box::new(supervisor)), false);
         self.period = Some(period);
         self.keep_time();
         self.forget();
@@ -312,12 +323,13 @@ where
         target: Option<&Target<'_>>,
     ) -> Result<Phase, CycleError> {
         target.map_or(Ok(()), S::State::check)?;
+        self.come_back();
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
         let admitted = |Reading { t, q, dq }| Some((supervisor.admit(t, q, dq)?, q, dq));
         let news = reading.and_then(admitted);
         if let Some((t, q, dq)) = news {
-            self.observe_at(q, dq, t);
-            supervisor.report(&mut self.controller);
+            let elapsed = self.observe_at(q, dq, t);
+            supervisor.report(&mut self.controller, elapsed);
             self.left().into_iter().for_each(|left| supervisor.report_too(left));
         }
         let wanted = news.is_some() && supervisor.wants_torque();
@@ -332,7 +344,7 @@ where
             Some(_) => supervisor.rest(),
             None => supervisor.miss(),
         };
-        self.supervisor = Some(supervisor);
+        (self.supervisor, self.has_cycled) = (Some(supervisor), true);
         Ok(phase)
     }
 
@@ -374,6 +386,7 @@ where
     }
 
     fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
+        self.step_aside();
         let elapsed = self.observe_at(q, dq, self.loop_time(t));
         // A loop of the caller's own, where none is watched.
         if self.supervisor.is_none() {
@@ -388,6 +401,7 @@ where
     fn sense(&mut self, tau_ext: &[f64]) {
         assert_eq!(tau_ext.len(), self.dof());
         self.controller.sense(tau_ext);
+        self.memory.iter_mut().for_each(|memory| memory.sense(tau_ext));
         self.left().into_iter().for_each(|left| left.sense(tau_ext));
     }
 
@@ -405,6 +419,7 @@ where
 
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
         S::State::check(target)?;
+        self.step_aside();
         self.act_for(Some(target));
         Ok(self.converted())
     }
@@ -415,6 +430,7 @@ where
         out: &mut [f64],
     ) -> Result<(), NotARotation> {
         target.map_or(Ok(()), S::State::check)?;
+        self.step_aside();
         self.act_for(target);
         let Self { controller, scratch, .. } = self;
         controller.robot().accelerate(&controller.torque().total, controller.bias(), scratch, out);
@@ -459,6 +475,7 @@ where
     }
 
     fn follow(&mut self) -> &[f64] {
+        self.step_aside();
         self.act_for(None);
         self.converted()
     }
@@ -472,6 +489,7 @@ where
     }
 
     fn forget(&mut self) {
+        self.is_aside = false;
         self.left_out = LeftOut::default();
         self.controller.reset();
         self.end_fading();
@@ -519,22 +537,7 @@ where
 
     fn successor(&self, like: &AnyController) -> Result<AnyController, SuccessionError> {
         let like = like.as_any().downcast_ref::<Self>().ok_or(SuccessionError::Another)?;
-        if like.dof() != self.dof() {
-            return Err(SuccessionError::Another);
-        }
-        if like.settings.command != self.settings.command {
-            return Err(SuccessionError::Command);
-        }
-        self.period.map_or(Ok(()), |period| BeginError::check(&like.settings, period))?;
-        let mut next = like.clone();
-        next.fits(self.world.barrier_count())?;
-        next.world = self.world.clone();
-        (next.supervisor, next.spoilt) = (None, false);
-        next.fading = Some(Box::new(Fading::room(&next.controller)));
-        next.followed.clone_from(&self.followed);
-        next.reserve();
-        next.followed = None;
-        Ok(AnyController(Box::new(next)))
+        Ok(AnyController(Box::new(self.made_like(like)?)))
     }
 
     fn is_succeeding(&self) -> bool {
@@ -547,46 +550,11 @@ where
         duration: f64,
     ) -> Result<bool, SuccessionError> {
         let next = next.as_any_mut().downcast_mut::<Self>().ok_or(SuccessionError::Another)?;
-        if self.is_succeeding() {
-            return Err(SuccessionError::Succeeding);
-        }
-        self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
-        let Some(mut fading) = next.fading.take().filter(|_| next.dof() == self.dof()) else {
-            return Err(SuccessionError::Another);
-        };
-        if self.spoilt {
-            self.reset();
-        }
-        swap(&mut self.controller, &mut next.controller);
-        swap(&mut fading.controller, &mut next.controller);
-        swap(&mut self.arm, &mut next.arm);
-        swap(&mut self.settings, &mut next.settings);
-        swap(&mut self.reach, &mut next.reach);
-        self.left_out = self.left_out.with(fading.controller.left_out());
-        self.keep_time();
-        let Self { controller, world, supervisor, .. } = self;
-        let before = &fading.controller;
-        controller.observe(before.robot().configuration(), before.robot().velocity(), world);
-        if Arc::ptr_eq(&self.arm, &next.arm) {
-            controller.believe(before);
-        }
-        if let Some(supervisor) = supervisor {
-            supervisor.exchange_robot(&mut fading.robots[0]);
-        }
-        fading.controller.share_cycle(2);
-        let is_same = fading.begin(controller, duration);
-        if let Some(followed) = &mut self.followed {
-            followed.wait(controller.gains().governor, world.time() + self.epoch);
-            followed.exchange_arm(&self.arm, &mut fading.robots[1]);
-            if !is_same {
-                followed.lead(controller.robot());
-            }
-        }
-        next.fading = self.fading.replace(fading);
-        Ok(is_same)
+        self.give_way_to(next, duration)
     }
 
     fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod {
+        self.step_aside();
         if self.spoilt {
             self.reset();
         }

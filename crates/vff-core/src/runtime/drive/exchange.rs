@@ -130,6 +130,8 @@ pub struct Exchange {
     news: AtomicBool,
     view: View,
     rows: Mutex<Rows>,
+    /// Whether the robot measures the torque from outside.
+    pub(super) measures: AtomicBool,
     /// Whether somebody wants the drive to end.
     pub(super) end: AtomicBool,
     phase: Mutex<Phase>,
@@ -153,6 +155,7 @@ impl Exchange {
             news: AtomicBool::new(false),
             view: View { places: [place(), place()], latest: AtomicUsize::new(0) },
             rows: Mutex::new(Rows { values: Vec::with_capacity(room), lost: 0 }),
+            measures: AtomicBool::new(false),
             end: AtomicBool::new(false),
             phase: Mutex::new(Phase::Starting),
             periods: AtomicU64::new(0),
@@ -262,10 +265,14 @@ impl Exchange {
     /// [`succeed`](crate::runtime::ErasedController::succeed). If the last one has not taken over yet, it waits for that.
     ///
     /// # Errors
-    /// If it is for another kind of arm or task, for other drives, or has no room for the obstacles; then nothing has changed.
+    /// If it is for another kind of arm or task, for other drives, wants to know what the robot does not measure, or has no room for the
+    /// obstacles; then nothing has changed.
     pub fn succeed(&self, like: &AnyController, blend: f64) -> Result<(), SuccessionError> {
         let mut mirror = lock(&self.mirror);
         let next = mirror.successor(like)?;
+        if next.senses() && !self.measures.load(Ordering::Acquire) {
+            return Err(SuccessionError::Unmeasured);
+        }
         mirror.forget(); // whatever is being left there
         mirror.succeed(&mut next.clone(), 0.0)?;
         let mut new = Some((next, blend.max(0.0)));

@@ -19,7 +19,7 @@ pub use ending::{Ending, Fault};
 pub use exchange::{Exchange, Layout, Rows};
 pub use simulated::SimulatedRobot;
 
-use super::controller::{AnyController, Reading};
+use super::controller::{AnyController, Reading, SuccessionError};
 use super::fault::guarded;
 use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
 use crate::control::LeftOut;
@@ -140,10 +140,11 @@ struct Inner {
     paces: bool,
     q: Vec<f64>,
     dq: Vec<f64>,
-    /// What the robot measures of the torque from outside; empty where nobody wants to know. Whether that is asked for in every
-    /// period, or at the beginning alone.
+    /// What the robot measures of the torque from outside. Whether that is asked for in every period, or at the beginning alone.
     external: Vec<f64>,
     senses: bool,
+    /// NaN for each joint.
+    nothing: Vec<f64>,
     /// The robot's time at the first state \[s\], and its clock since.
     start: f64,
     clock: Clock,
@@ -193,9 +194,7 @@ impl<D: Driver> Loop<D> {
         let mut columns = vec![("t", 1)];
         columns.extend(names.map(|name| (name, n)));
         columns.extend([("x", widths[0]), ("x_ref", widths[0]), ("force", n), ("clearance", n)]);
-        if controller.external_torque().is_some() {
-            columns.push(("tau_ext_estimate", n));
-        }
+        columns.push(("tau_ext_estimate", n)); // NaN without an observer, which another law may bring
         if controller.has_reference() {
             columns.push(("path_time", 1));
         }
@@ -211,7 +210,8 @@ impl<D: Driver> Loop<D> {
             paces: driver.paces(),
             q: vec![0.0; n],
             dq: vec![0.0; n],
-            external: if controller.external_torque().is_some() { vec![0.0; n] } else { vec![] },
+            external: vec![0.0; n],
+            nothing: vec![f64::NAN; n],
             senses: controller.senses(),
             start: 0.0,
             clock: Clock::new(period),
@@ -282,11 +282,12 @@ impl Inner {
         driver.begin().map_err(Fault::Begin)?;
         self.start = driver.read(&mut self.q, &mut self.dq).map_err(Fault::Read)?;
         self.is_finite(self.start)?;
-        let is_felt = self.sense(driver).map_err(Fault::Read)?;
+        let (sensed, is_observed) =
+            (self.sense(driver), self.controller.external_torque().is_some());
+        self.exchange.measures.store(sensed == Ok(true), Ordering::Release);
+        let is_felt = is_observed && sensed.map_err(Fault::Read)?;
         if self.senses && !is_felt {
-            let text = "observer.source = \"measured\": the robot measures no torque from outside; \
-                        \"momentum\" estimates it";
-            return Err(Fault::Begin(text.into()));
+            return Err(Fault::Begin(SuccessionError::Unmeasured.to_string()));
         }
         self.last = f64::NEG_INFINITY;
         self.controller.observe(&self.q, &self.dq, 0.0);
@@ -325,9 +326,6 @@ impl Inner {
     /// Lets the controller know what the robot measures from outside. Whether it measures any.
     fn sense<D: Driver>(&mut self, driver: &mut D) -> Result<bool, String> {
         let Self { controller, external, .. } = self;
-        if external.is_empty() {
-            return Ok(false);
-        }
         let measured = driver.external_torque(external)?;
         if measured {
             controller.sense(external);
@@ -385,7 +383,7 @@ impl Inner {
 
     /// Takes over what others have sent.
     fn receive(&mut self, time: f64) {
-        let Self { exchange, controller, given, has_target, doubts, .. } = self;
+        let Self { exchange, controller, given, has_target, doubts, senses, .. } = self;
         exchange.receive(|inbox: &mut Inbox| {
             let Inbox { target, surroundings, points, sightings, law, old } = inbox;
             if let Some(new) = target.take() {
@@ -410,6 +408,7 @@ impl Inner {
                     }
                     done => debug_assert!(done.is_ok(), "{done:?}"), // it was tried on the mirror
                 }
+                *senses = controller.senses();
                 old.law = Some(next);
             }
             for (j, points) in &mut *points {
@@ -513,7 +512,7 @@ impl Inner {
     /// Shows the period, and keeps it for a file.
     fn keep_row(&mut self, time: f64) {
         let Self { row, controller, model, exchange, given, now, kept, .. } = self;
-        let Self { options, until_row, q, dq, .. } = self;
+        let Self { options, until_row, q, dq, nothing, .. } = self;
         let terms = controller.terms_view();
         let command = match model {
             None => controller.sent().unwrap_or_default(),
@@ -543,7 +542,10 @@ impl Inner {
         for values in [terms.force, terms.clearance] {
             put(values);
         }
-        put(controller.external_torque().unwrap_or_default());
+        match controller.external_torque() {
+            Some(estimate) => put(estimate),
+            None => put(nothing),
+        }
         put(controller.path_time().as_slice());
         match controller.planned() {
             Some(q) => put(q),

@@ -1,6 +1,7 @@
 //! The plant of a scenario as a robot: to try a drive, and to measure a loop in which nothing but the loop takes time.
 
 use super::driver::Driver;
+use crate::control::Gravity;
 use crate::runtime::arm::{AnyArm, AnyState};
 use crate::runtime::real_time::at_rate;
 use crate::runtime::run::AnyRun;
@@ -13,15 +14,18 @@ pub struct SimulatedRobot {
     run: AnyRun,
     /// Plant steps per period.
     every: usize,
-    /// The arm, where it compensates its own weight.
+    /// The arm whose weight it compensates, if somebody has said which.
     weight: Option<AnyState>,
+    /// Whether it compensates its weight.
+    is_weightless: bool,
     held: Vec<f64>,
     /// What was changed or is odd, in sentences.
     pub notes: Vec<String>,
 }
 
 impl SimulatedRobot {
-    /// The plant of `scenario`, which gets torques at `rate` \[Hz\]. With `arm` it adds the torque against gravity of that arm itself.
+    /// The plant of `scenario`, which gets torques at `rate` \[Hz\]. With `arm` it adds the torque against gravity of that arm itself;
+    /// without, that of its own where the `command` of the scenario leaves gravity to the robot.
     ///
     /// # Errors
     /// If the scenario cannot be run at this rate.
@@ -30,7 +34,12 @@ impl SimulatedRobot {
         rate: f64,
         arm: Option<&AnyArm>,
     ) -> Result<Self, ScenarioError> {
-        let (scenario, mut notes) = at_rate(scenario, rate);
+        let (mut scenario, mut notes) = at_rate(scenario, rate);
+        let gravity = &mut scenario.controller.command.gravity;
+        let is_weightless = arm.is_some() || *gravity == Gravity::Robot;
+        if arm.is_some() {
+            *gravity = Gravity::Controller; // once is enough
+        }
         scenario.validate()?;
         let ready = scenario.prepare_recorded(false)?;
         notes.extend(ready.warnings);
@@ -39,8 +48,14 @@ impl SimulatedRobot {
             run: ready.run,
             every: scenario.simulation.control_every,
             weight: arm.map(AnyArm::state),
+            is_weightless,
             notes,
         })
+    }
+
+    /// Whether it adds the torque against gravity itself.
+    pub fn is_weightless(&self) -> bool {
+        self.is_weightless
     }
 
     /// The number of joints.

@@ -290,6 +290,7 @@ mod tests {
                 angle: 0.0,
                 angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
+                ignore: vec![],
             };
             let (least, hit, hit_at_once) = both(&q, vec![disc(1.0), disc(-1.0)], rate);
             if least < 0.0 {

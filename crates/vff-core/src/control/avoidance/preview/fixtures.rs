@@ -26,6 +26,7 @@ pub fn disc(position: [f64; 2], velocity: [f64; 2]) -> Obstacle {
         angle: 0.0,
         angular_velocity: 0.0,
         motion: Motion::Linear { velocity },
+        ignore: vec![],
     }
 }
 

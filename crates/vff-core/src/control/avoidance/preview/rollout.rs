@@ -476,6 +476,7 @@ mod tests {
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
+            ignore: vec![],
         };
         let mut world = space::World::new(vec![
             ball([-0.05, -0.5, 0.6], [0.0, 0.6, 0.0]),

@@ -35,6 +35,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             period: None,
             left_out: LeftOut::default(),
             spoilt: false,
+            memory: None,
+            is_aside: false,
+            has_cycled: false,
             settings,
         };
         this.keep_time();
@@ -102,7 +105,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         &mut self,
         obstacles: Vec<<S::Geometry as ObstacleGeometry<D>>::Obstacle>,
     ) -> Result<(), ScenarioError> {
-        let world = World::<S::Geometry, D>::new(obstacles);
+        let links = self.arm.link_names();
+        for (j, obstacle) in obstacles.iter().enumerate() {
+            scenario::known_ignored(obstacle, &links)
+                .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
+        }
+        let mut world = World::<S::Geometry, D>::new(obstacles);
+        world.know_links(&links);
         self.fits(world.barrier_count())?;
         self.world = world;
         self.placed.clear();
@@ -117,6 +126,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// Allocates all that the next torques need among these obstacles.
     pub(super) fn reserve(&mut self) {
+        self.come_back();
         self.placed.resize(self.world.len(), None);
         self.controller.reserve(&self.world);
         if let Some(fading) = &mut self.fading {

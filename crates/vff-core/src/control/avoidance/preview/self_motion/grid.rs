@@ -507,6 +507,7 @@ mod tests {
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity: [0.0; 3],
             motion,
+            ignore: vec![],
         };
         let moving = ball(Motion::Linear { velocity: [0.0, 0.3, 0.0] });
         let mut world = World::new(vec![moving, ball(Motion::default())]);

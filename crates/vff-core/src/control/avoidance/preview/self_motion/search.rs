@@ -423,6 +423,7 @@ mod tests {
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
+            ignore: vec![],
         }
     }
 

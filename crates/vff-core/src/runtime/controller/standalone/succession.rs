@@ -1,0 +1,78 @@
+//! One law takes the place of another one, while the loop goes on.
+
+use super::super::SuccessionError;
+use super::super::fading::Fading;
+use super::Standalone;
+use crate::control::output::BeginError;
+use crate::robot::{Model, Robot};
+use crate::simulation::System;
+use crate::world::CollisionQuery;
+use std::mem::swap;
+
+impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
+    /// One like `like`, ready to take the place of this one. Allocates.
+    pub(super) fn made_like(&self, like: &Self) -> Result<Self, SuccessionError> {
+        if like.arm.dof() != self.arm.dof() {
+            return Err(SuccessionError::Another);
+        }
+        if like.settings.command != self.settings.command {
+            return Err(SuccessionError::Command);
+        }
+        self.period.map_or(Ok(()), |period| BeginError::check(&like.settings, period))?;
+        let mut next = like.clone();
+        next.fits(self.world.barrier_count())?;
+        next.world = self.world.clone();
+        (next.supervisor, next.spoilt) = (None, false);
+        (next.memory, next.is_aside, next.has_cycled) = (None, false, false);
+        next.fading = Some(Box::new(Fading::room(&next.controller)));
+        next.followed.clone_from(&self.followed);
+        next.reserve();
+        next.followed = None;
+        Ok(next)
+    }
+
+    /// Lets `next`, which was made by [`made_like`](Self::made_like), take the place of this law within `duration` \[s\]. Whether both
+    /// have the same tip.
+    pub(super) fn give_way_to(
+        &mut self,
+        next: &mut Self,
+        duration: f64,
+    ) -> Result<bool, SuccessionError> {
+        self.come_back();
+        if self.left().is_some() {
+            return Err(SuccessionError::Succeeding);
+        }
+        self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
+        let Some(mut fading) = next.fading.take().filter(|_| next.arm.dof() == self.arm.dof()) else {
+            return Err(SuccessionError::Another);
+        };
+        if self.spoilt {
+            self.reset();
+        }
+        swap(&mut self.controller, &mut next.controller);
+        swap(&mut fading.controller, &mut next.controller);
+        swap(&mut self.arm, &mut next.arm);
+        swap(&mut self.settings, &mut next.settings);
+        swap(&mut self.reach, &mut next.reach);
+        self.left_out = self.left_out.with(fading.controller.left_out());
+        self.keep_time();
+        let Self { controller, world, supervisor, .. } = self;
+        let before = &fading.controller;
+        controller.observe(before.robot().configuration(), before.robot().velocity(), world);
+        controller.take_over(before);
+        if let Some(supervisor) = supervisor {
+            supervisor.exchange_robot(&mut fading.robots[0]);
+        }
+        fading.controller.share_cycle(2);
+        let is_same = fading.begin(controller, duration);
+        if let Some(followed) = &mut self.followed {
+            followed.wait(controller.gains().governor, world.time() + self.epoch);
+            followed.exchange_arm(&self.arm, &mut fading.robots[1]);
+            if !is_same {
+                followed.lead(controller.robot());
+            }
+        }
+        next.fading = self.fading.replace(fading);
+        Ok(is_same)
+    }
+}
