@@ -39,6 +39,7 @@ fn obstacle(points: Vec<[f64; 3]>) -> Obstacle {
         orientation: [1.0, 0.0, 0.0, 0.0],
         angular_velocity: [0.0; 3],
         motion: Motion::default(),
+        ignore: vec![],
     }
 }
 

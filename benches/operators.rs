@@ -192,6 +192,7 @@ fn proximity(c: &mut Criterion) {
             angle: 0.3,
             angular_velocity: 0.0,
             motion: Motion::default(),
+            ignore: vec![],
         }]);
         let mut next = links.iter().cycle();
         group.bench_function(name, |b| {

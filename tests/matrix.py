@@ -71,6 +71,13 @@ def _of_dimension(scene: vff.Scenario, plane: Any, space: Any) -> Any:
     return plane if scene.arm.dimension == 2 else space
 
 
+def _ignored(scene: vff.Scenario) -> Changes:
+    """The last link, and what it carries, may touch everything."""
+    joints = scene.arm.to_dict().get("joints")
+    last = joints[-1]["link"] if joints else f"link_{scene.arm.n}"
+    return {"obstacles": [each | {"ignore": [last, "load"]} for each in scene.to_dict().get("obstacles", [])]}
+
+
 def _solid(scene: vff.Scenario, **contact: Any) -> Changes:
     """Obstacles that are felt."""
     return {"obstacles": [each | {"contact": contact} for each in scene.to_dict().get("obstacles", [])]}
@@ -271,6 +278,7 @@ OPTIONS: dict[str, Option] = {
         _NO_STOPS,
     ),
     "felt": Option(_solid, exact=False),
+    "ignored": Option(_ignored, ("needs obstacles that are known",)),
     "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
     "clouds": Option(_cloud),
     "load": Option(

@@ -38,8 +38,9 @@ from vffnull._support.representation import drawn_by
 from vffnull.errors import VffNullError
 from vffnull.live import live  # at once: the function takes the place of the package's name
 from vffnull.model.control import ControlSettings, Field
+from vffnull.model.motion import Motion
+from vffnull.model.obstacle import Obstacle
 from vffnull.model.scenario import Scenario, scenarios
-from vffnull.model.world import Motion, Obstacle
 from vffnull.run.result import Film, Metrics, Replan, Result, Status, report
 from vffnull.run.simulate import simulate
 

@@ -149,10 +149,7 @@ class Arm:
         com : (3,) array_like, optional
             Its centre of mass in the frame of the tool [m]; at the tip by default, and always in the plane.
         inertia : (6,) array_like, optional
-            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
-        shapes : sequence of dict, optional
-            What of it can touch something, each a ``shape`` as in ``[[arm.collision]]`` but in the frame of
-            the tool. They say `com` and `inertia` by default, as of one material. In space alone.
+            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point by default.
 
         Raises
         ------
@@ -161,9 +158,9 @@ class Arm:
 
         Examples
         --------
-        >>> carries = Arm.named("panda").with_load(1.5, shapes=[{"kind": "sphere", "radius": 0.05}])
-        >>> carries.collision[-1][0]
-        'panda_link7'
+        >>> panda = Arm.named("panda")
+        >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
+        1.5
         """
 
     def with_tool(self, position: ArrayLike, orientation: ArrayLike | None = None) -> Arm:
@@ -1684,7 +1681,7 @@ class DriveLoop:
     def set_obstacles(self, obstacles: Sequence[_Document], t: float | None = None) -> None:
         """Other obstacles from now on, whose motions begin at time `t` of the drive, or now."""
     def set_controller(self, controller: Controller | _Scenario, blend: float) -> None:
-        """Another controller, or that of a scenario, takes over within `blend` [s]; obstacles stay."""
+        """Another controller takes over within `blend` [s], among the obstacles of the drive."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
     def update_points(

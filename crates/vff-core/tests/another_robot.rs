@@ -623,6 +623,7 @@ fn disc(radius: f64, position: V, motion: Motion<2>) -> Obstacle {
         angle: 0.0,
         angular_velocity: 0.0,
         motion,
+        ignore: vec![],
     }
 }
 

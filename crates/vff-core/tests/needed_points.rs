@@ -63,6 +63,7 @@ proptest! {
             orientation: [1.0, 0.0, 0.0, 0.0],
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity: moving.into() },
+            ignore: vec![],
         }]);
         world.swap_points(0, &mut Points::moving(given, &rates, None, [1.0, 0.0, 0.0, 0.0]));
         let of_point = |_: usize, point: &Vector<3>| {

@@ -271,6 +271,7 @@ fn no_step_allocates_in_a_crowd() {
                 angle: 0.0,
                 angular_velocity: if j % 5 == 0 { 2.0 } else { 0.0 },
                 motion: if j % 2 == 0 { Motion::Linear { velocity } } else { Motion::default() },
+                ignore: vec![],
             });
         }
         let mut run = scenario.prepare().unwrap().run;
@@ -599,6 +600,7 @@ fn no_exchange_of_points_allocates() {
         orientation: upright,
         angular_velocity: [0.0; 3],
         motion: Motion::Static {},
+        ignore: vec![],
     };
     let points = |count| (0..count).map(|i| [f64::from(i), 0.0, 0.0]).collect::<Vec<_>>();
     for first in [0, 1, 2] {

@@ -114,6 +114,7 @@ fn table() -> Vec<Obstacle> {
         orientation: [1.0, 0.0, 0.0, 0.0],
         angular_velocity: [0.0; 3],
         motion: Motion::default(),
+        ignore: vec![],
     }]
 }
 

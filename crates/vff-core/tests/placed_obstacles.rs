@@ -25,6 +25,7 @@ fn obstacle(j: usize) -> Obstacle {
             },
             _ => Motion::default(),
         },
+        ignore: vec![],
     }
 }
 

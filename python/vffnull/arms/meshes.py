@@ -15,10 +15,10 @@ from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.arms._pieces import check, enclosing, outside
 from vffnull.model.document import frozen
-from vffnull.model.world import Obstacle
+from vffnull.model.obstacle import Obstacle
 
 if TYPE_CHECKING:
-    from vffnull.model.world import Motion
+    from vffnull.model.motion import Motion
 
 __all__ = ["Enclosure", "enclose"]
 

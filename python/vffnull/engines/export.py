@@ -19,7 +19,7 @@ import numpy as np
 from vffnull import arms
 from vffnull._core import Arm
 from vffnull.arms._export import text_of
-from vffnull.model.world import Obstacle, checked
+from vffnull.model.obstacle import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull._support.arguments import array, number, positive
 from vffnull._support.errors import InputError, ScenarioWarning
-from vffnull.model.world import Motion, Obstacle
+from vffnull.model.motion import Motion
+from vffnull.model.obstacle import Obstacle
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vffnull._support.errors import InputError
+from vffnull._support.files import read_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["read"]
 
-MAX_BYTES = 200_000_000
+MAX_TEXT = 200_000_000  # characters
 MAX_JOINTS = 1000
 _CHANNELS = {f"{axis}{kind}" for axis in "XYZ" for kind in ("position", "rotation")}
 
@@ -44,9 +45,7 @@ def read(path: Path) -> tuple[list[str], list[int], Array, Array]:
     """
     import numpy as np
 
-    if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"{path.name}: larger than {MAX_BYTES // 1_000_000} MB")
-    lines = enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1)
+    lines = enumerate(read_text(path, MAX_TEXT, errors="replace").splitlines(), start=1)
     words = ((k, line.split()) for k, line in lines if line.strip())
     joints = _hierarchy(path.name, words)
     k, given = next(words, (0, []))

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from vffnull._core import Arm
+    from vffnull.model.obstacle import Obstacle
     from vffnull.model.robot import CommandKind, State
-    from vffnull.model.world import Obstacle
 
     Array = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from vffnull.model.obstacle import Obstacle
     from vffnull.model.robot import Robot
-    from vffnull.model.world import Obstacle
 
     Array = NDArray[np.float64]
 

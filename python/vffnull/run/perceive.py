@@ -24,7 +24,7 @@ from vffnull.run.recording import Cell, Shot
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from vffnull.model.world import Obstacle
+    from vffnull.model.obstacle import Obstacle
 
     Array = NDArray[np.float64]
 

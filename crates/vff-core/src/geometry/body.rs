@@ -30,19 +30,21 @@ pub struct Body<'a, const D: usize> {
     pub shape: Capsule<D>,
     /// The hull, if it is one.
     pub hull: Option<PlacedHull<'a, D>>,
+    /// Whether it is of something that the link carries, not of the link itself.
+    pub is_load: bool,
 }
 
 impl<const D: usize> Body<'_, D> {
     /// A capsule that is carried by `link`.
     #[inline]
     pub fn new(link: usize, shape: Capsule<D>) -> Self {
-        Self { link, shape, hull: None }
+        Self { link, shape, hull: None, is_load: false }
     }
 
     /// The capsule that holds it, which is never farther from anything than the body itself.
     #[inline]
     pub fn enclosing(&self) -> Body<'static, D> {
-        Body { link: self.link, shape: self.shape, hull: None }
+        Body { link: self.link, shape: self.shape, hull: None, is_load: self.is_load }
     }
 
     /// How far it reaches from `point`, as far as turning about that moves it: of a capsule its axis \[m\].

@@ -18,6 +18,7 @@ use super::Vector;
 ///     angle: 0.0,
 ///     angular_velocity: 0.0,
 ///     motion: Motion::Static {},
+///     ignore: vec![],
 /// };
 /// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.05);
 /// let contact = World::new(vec![disc]).contact(0, &Body::new(0, link), 0);

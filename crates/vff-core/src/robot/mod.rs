@@ -55,6 +55,10 @@ pub trait Model<const D: usize>: Debug + Clone + Send + Sync + 'static {
     fn link_name(&self, link: usize) -> String {
         format!("link_{}", link + 1)
     }
+    /// What all of them are called, from the base on.
+    fn link_names(&self) -> Vec<String> {
+        (0..self.dof()).map(|i| self.link_name(i)).collect()
+    }
     /// Advances a configuration along the joint velocity `v` for the time `dt`.
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
     /// A distance from the base that the end effector cannot exceed \[m\].

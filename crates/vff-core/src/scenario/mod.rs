@@ -33,7 +33,7 @@ pub(crate) use prepare::unusable;
 pub use scene::{CheckReach, FromDocument, ObstacleOf, Scene};
 pub use space::{LoadSpec, PayloadSpec, SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use tables::WhereUnreachable;
-pub(crate) use validate::{no_such_link, not_in_the_plane};
+pub(crate) use validate::{known_ignored, no_such_link, not_in_the_plane};
 pub use warnings::sampling_bounds;
 pub(crate) use warnings::{misread_obstacle, misread_scene};
 
@@ -46,7 +46,7 @@ use crate::simulation::{
     ActuatorSettings, ContactSettings, Control, MeasurementSettings, Options, PerceptionKind,
     PerceptionSettings, Plane, Pull, ReplanSettings, Space, Wrench,
 };
-use crate::world::{Motion, ObstacleGeometry};
+use crate::world::{Description, Motion, ObstacleGeometry};
 use any_scene::on_scene;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -516,9 +516,12 @@ impl Scenario {
                 ScenarioError::new("plant", Problem::Other(problem))
             })?;
         }
+        let links = model.link_names();
         let mut barriers = 0;
         for (j, obstacle) in scene.obstacles.iter().enumerate() {
             S::validate_obstacle(obstacle)
+                .and_then(|()| known_ignored(obstacle, &links))
+                .and_then(|()| self.knows_what_is_ignored(obstacle))
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
             barriers += S::Geometry::new(obstacle).barriers();
         }
@@ -531,5 +534,17 @@ impl Scenario {
         let copies = if self.simulation.control == Control::Predictor { 2 } else { 1 };
         validate::size(&self.controller, n, barriers, copies)
             .map_err(|error| error.inside("controller"))
+    }
+    /// Whether the controller knows which obstacle is which, if this one is to be ignored by some links.
+    fn knows_what_is_ignored<const D: usize>(
+        &self,
+        obstacle: &impl Description<D>,
+    ) -> Result<(), ScenarioError> {
+        let knows = self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal);
+        if knows || obstacle.ignored().is_empty() {
+            return Ok(());
+        }
+        let problem = "needs obstacles that are known, without `perception`: points do not say whose they are";
+        Err(ScenarioError::new("ignore", Problem::Other(problem.into())))
     }
 }

@@ -100,7 +100,9 @@ impl Scenario {
         let controller = closed_loop.controller();
         let h = self.simulation.control_period();
         let speed = obstacles.iter().map(top_speed::<S::Geometry, D>).fold(0.0, f64::max);
-        let now = controller.stable_period(&mut World::<S::Geometry, D>::new(obstacles.to_vec()));
+        let mut world = World::<S::Geometry, D>::new(obstacles.to_vec());
+        world.know_links(&closed_loop.arm().link_names());
+        let now = controller.stable_period(&mut world);
         let (worst, when) = match controller.stable_period_against(speed) {
             coming if speed > 0.0 && coming.period < now.period => {
                 (coming, "which is to be expected")

@@ -233,6 +233,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         plant.push_with(&wrenches).expect("links that the scenario has found");
         plant.surround(&world, &contacts);
         hide_unseen(&mut world, &contacts);
+        world.know_links(&arm.link_names());
         let imperfect = measurement.as_mut().is_some_and(|measurement| {
             measurement.start(&q, &dq);
             !measurement.is_perfect()

@@ -243,7 +243,7 @@ fn visit<R: Robot<D>, S: ObstacleGeometry<D>, const D: usize>(
     );
     for nearest in long.iter() {
         let Contact { body: index, obstacle: j, .. } = *nearest;
-        let Body { link, shape, hull } = robot.body(index);
+        let Body { link, shape, hull, .. } = robot.body(index);
         let Some(settings) = settings[j].as_ref().filter(|_| hull.is_none() && world.is_convex(j))
         else {
             continue;

@@ -223,9 +223,9 @@ pub(super) fn find<const D: usize>(
     if given == TIP {
         return Ok([n - 1, n]);
     }
-    let names = || (0..n).map(|i| arm.link_name(i));
-    let index = names().position(|name| name == given);
-    index.map(|i| [i, i]).ok_or_else(|| names().chain([TIP.to_string()]).collect())
+    let names = arm.link_names();
+    let index = names.iter().position(|name| name == given);
+    index.map(|i| [i, i]).ok_or_else(|| names.into_iter().chain([TIP.to_string()]).collect())
 }
 
 /// A torque of the axes `axes` in the world; in the plane they all have the same one.

@@ -8,7 +8,7 @@
 //! span finds its own length: wide boxes are measured in vain, narrow ones are renewed often, and
 //! the two should cost about the same.
 
-use super::{Description, Hierarchy, ObstacleGeometry, Placed};
+use super::{Carrier, Description, Hierarchy, ObstacleGeometry, Placed};
 use crate::interrupt;
 use crate::math::Vector;
 
@@ -89,13 +89,14 @@ impl<S: ObstacleGeometry<D>, const D: usize> BroadPhase<S, D> {
     }
 
     /// The obstacles nearer than `reach` to a link at time `t`, in their order; if
-    /// there are none, the nearest one. They have been moved to `t`. All of them for a link that is
+    /// there are none, the nearest one, unless all ignore it. They have been moved to `t`. All of them for a link that is
     /// nowhere.
     #[inline(never)]
     pub(super) fn near(
         &mut self,
         obstacles: &mut [Placed<S, D>],
         t: f64,
+        carrier: Carrier,
         link: &S::Probe,
         reach: f64,
     ) -> &[usize] {
@@ -108,13 +109,19 @@ impl<S: ObstacleGeometry<D>, const D: usize> BroadPhase<S, D> {
             return met;
         };
         obstacles[*likely].move_to(t);
-        let mut least = f64::INFINITY.min(obstacles[*likely].distance(link));
+        let mut least = f64::INFINITY;
+        if !obstacles[*likely].is_ignored_by(carrier) {
+            least = least.min(obstacles[*likely].distance(link));
+        }
         let mut count = 0;
         for tree in [&*fixed, &*moving] {
             let mut useful = 0;
             let measured = tree.hierarchy.for_each_within(&region, least.max(reach), |leaf| {
                 let j = tree.members[leaf];
                 let obstacle = &mut obstacles[j];
+                if obstacle.is_ignored_by(carrier) {
+                    return least.max(reach);
+                }
                 obstacle.move_to(t);
                 let surface = obstacle.distance(link);
                 if surface < reach {
@@ -365,7 +372,7 @@ pub(super) mod tests {
                 {
                     *angles = vec![angle, angle - other, other, angle];
                 }
-                Obstacle { shape, position, angle, angular_velocity, motion }
+                Obstacle { shape, position, angle, angular_velocity, motion, ignore: vec![] }
             },
         )
     }
@@ -427,6 +434,7 @@ pub(super) mod tests {
                     angle: 0.0,
                     angular_velocity: 0.0,
                     motion,
+                    ignore: vec![],
                 }
             })
             .collect();
@@ -447,6 +455,7 @@ pub(super) mod tests {
             angle: 0.0,
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [1.0, 0.0] },
+            ignore: vec![],
         };
         let obstacles: Vec<_> = (0..50).map(|j| disc(f64::from(j))).collect();
         for value in [f64::NAN, f64::INFINITY, 1e200, f64::MAX] {

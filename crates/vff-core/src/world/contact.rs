@@ -21,6 +21,7 @@ use crate::math::{Feature, Vector};
 ///     orientation: [1.0, 0.0, 0.0, 0.0],
 ///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Linear { velocity: [0.0, -0.3, 0.0] },
+///     ignore: vec![],
 /// };
 /// let link = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.4), 0.05);
 /// let Contact { distance, normal, velocity, .. } = World::new(vec![ball]).contact(0, &Body::new(0, link), 0);

@@ -1,7 +1,7 @@
 //! The nearest points of a body that is a hull to every obstacle.
 
-use super::{Named, ObstacleGeometry, Pair, Placed, Turn};
-use crate::geometry::PlacedHull;
+use super::{Carrier, Named, ObstacleGeometry, Pair, Placed, Turn};
+use crate::geometry::{Body, PlacedHull};
 use crate::math::keep_least;
 
 /// What is done with an obstacle that a body may be near to.
@@ -12,21 +12,18 @@ pub(super) type Meet<'a, S, const D: usize> = dyn FnMut(Pair, &Placed<S, D>, Opt
 ///
 /// The capsule is never farther from anything than the hull: most obstacles are asked no more. Compiled once a space, whatever `meet`
 /// does: what a hull takes is far more than a call.
-#[expect(
-    clippy::too_many_arguments,
-    reason = "the parts of a world that is borrowed, and a question"
-)]
 #[inline(never)]
 pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
     obstacles: &mut [Placed<S, D>],
     named: &mut Named<S, D>,
     time: f64,
-    pair: Pair,
+    (index, body, hull): (usize, &Body<'_, D>, &PlacedHull<'_, D>),
     around: &S::Probe,
-    hull: &PlacedHull<'_, D>,
     [reach, limit]: [f64; 2],
     meet: &mut Meet<'_, S, D>,
 ) -> f64 {
+    let carrier = Carrier::of(body);
+    let pair = |obstacle| Pair { body: index, link: body.link, obstacle };
     let has_broad_phase = matches!(named, Named::BroadPhase(_));
     let mut within = reach;
     loop {
@@ -34,19 +31,20 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
             Named::All => None,
             Named::Each(all) => Some(&all[..]),
             Named::BroadPhase(broad_phase) => {
-                Some(broad_phase.near(obstacles, time, around, within))
+                Some(broad_phase.near(obstacles, time, carrier, around, within))
             }
         };
         let count = near.map_or(obstacles.len(), <[usize]>::len);
-        let asked = || (0..count).map(|k| near.map_or(k, |near| near[k]));
+        let all = || (0..count).map(|k| near.map_or(k, |near| near[k]));
+        let asked = || all().filter(|&j| !obstacles[j].is_ignored_by(carrier));
         let mut least = f64::INFINITY;
         for j in asked() {
             let (obstacle, bound) = (&obstacles[j], least.min(limit));
             // False where it is undefined.
             let is_farther = obstacle.distance_below(around, bound) >= bound;
             if !is_farther {
-                let (pair, state) = (Pair { obstacle: j, ..pair }, &obstacle.state);
-                let found = obstacle.hull_contact(pair, hull, around, state, obstacle.turn());
+                let state = &obstacle.state;
+                let found = obstacle.hull_contact(pair(j), hull, around, state, obstacle.turn());
                 keep_least(&mut least, found.distance);
             }
         }
@@ -60,7 +58,7 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
                 let obstacle = &obstacles[j];
                 let is_far = obstacle.distance_below(around, reach) >= reach;
                 if !is_far {
-                    meet(Pair { obstacle: j, ..pair }, obstacle, obstacle.turn());
+                    meet(pair(j), obstacle, obstacle.turn());
                 }
             }
         }

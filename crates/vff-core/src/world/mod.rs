@@ -19,6 +19,7 @@ mod obstacle_geometry;
 #[cfg(test)]
 mod oracle;
 mod outlook;
+mod pairs;
 mod placed;
 pub mod plane;
 mod query;
@@ -39,7 +40,7 @@ pub use within::ObstacleBoxes;
 use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use broad_phase::BroadPhase;
-use placed::{Placed, Turned};
+use placed::{Carrier, Placed, Turned};
 use std::mem::{replace, take};
 
 pub(crate) use crate::math::TOUCHING;
@@ -60,6 +61,7 @@ pub(crate) use crate::math::RELIEF;
 ///     orientation: [1.0, 0.0, 0.0, 0.0],
 ///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Linear { velocity: [0.0, -0.5, 0.0] },
+///     ignore: vec![],
 /// };
 /// let mut world = World::new(vec![ball]);
 /// world.update(1.0);
@@ -87,6 +89,9 @@ pub struct World<S: ObstacleGeometry<D>, const D: usize> {
     remembered: [f64; REMEMBERED],
 }
 
+/// What the arm carries, among the links that an obstacle is to ignore.
+pub const LOAD: &str = "load";
+
 /// So many bodies are remembered.
 const REMEMBERED: usize = 32;
 
@@ -96,7 +101,7 @@ enum Named<S: ObstacleGeometry<D>, const D: usize> {
     /// All of them; none turns.
     #[default]
     All,
-    /// All that are not hidden, and some turn, are hidden or have many contacts. They are numbered here.
+    /// All that are not hidden, and some turn, are hidden, ignored or have many contacts. They are numbered here.
     Each(Vec<usize>),
     /// Those that may be near, where they are too many to ask each.
     BroadPhase(Box<BroadPhase<S, D>>),
@@ -105,8 +110,10 @@ enum Named<S: ObstacleGeometry<D>, const D: usize> {
 impl<S: ObstacleGeometry<D>, const D: usize> Named<S, D> {
     /// All of these, with `room` for their numbers. Room that is there is not given back: a loop may be running.
     fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
-        let is_plain =
-            |it: &Placed<S, D>| it.turned.is_none() && it.geometry.contacts() == 1 && !it.is_hidden;
+        let is_plain = |it: &Placed<S, D>| {
+            let is_measured = !it.is_hidden && it.ignored.is_empty();
+            it.turned.is_none() && it.geometry.contacts() == 1 && is_measured
+        };
         if room.capacity() == 0 && obstacles.iter().all(is_plain) {
             return Self::All;
         }
@@ -320,6 +327,23 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     pub fn hide(&mut self, j: usize) {
         self.obstacles[j].is_hidden = true;
         self.rearrange();
+    }
+
+    /// From now on, links are not measured against obstacles that [`ignore`](Description::ignored) them: no question for contacts,
+    /// no plan. Rays find them, and [`contact`](Self::contact) has them. Allocates.
+    ///
+    /// # Arguments
+    /// * `links`: what the links of the arm are called, from the base on.
+    pub fn know_links(&mut self, links: &[String]) {
+        for obstacle in &mut self.obstacles {
+            let names = obstacle.description.ignored();
+            let all = links.iter().map(String::as_str).chain([LOAD]);
+            let ignored = all.map(|link| names.iter().any(|name| name == link));
+            obstacle.ignored = if names.is_empty() { vec![] } else { ignored.collect() };
+        }
+        if !matches!(self.named, Named::BroadPhase(_)) {
+            self.named = Named::each(&self.obstacles, vec![]);
+        }
     }
 
     /// Whether some obstacle is hidden.

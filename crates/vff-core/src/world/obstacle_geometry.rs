@@ -31,6 +31,8 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
     fn turned(&self, orientation: &[f64], rate: &[f64]) -> Result<Turn<D>, NotARotation>;
     /// Lets it move otherwise.
     fn set_motion(&mut self, motion: Motion<D>);
+    /// The links that are not measured against it, by name, and [`LOAD`](super::LOAD) for what the arm carries.
+    fn ignored(&self) -> &[String];
 }
 
 /// The shape of an obstacle made ready for queries, relative to its position and in the orientation that is described. It

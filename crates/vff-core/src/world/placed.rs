@@ -4,8 +4,22 @@ use super::{
     Asked, Contact, Description, Motion, MotionState, ObstacleGeometry, Outlook, Pair, Turn,
     Turning,
 };
-use crate::geometry::PlacedHull;
+use crate::geometry::{Body, PlacedHull};
 use crate::math::Vector;
+
+/// Who carries a body: what an obstacle may be told to ignore.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Carrier {
+    pub(super) link: usize,
+    pub(super) is_load: bool,
+}
+
+impl Carrier {
+    #[inline]
+    pub(super) fn of<const D: usize>(body: &Body<'_, D>) -> Self {
+        Self { link: body.link, is_load: body.is_load }
+    }
+}
 
 /// What goes no faster rests, if it does not turn \[m/s\].
 const SLOW: f64 = 0.01;
@@ -30,6 +44,8 @@ pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) room: usize,
     /// Whether nobody finds it.
     pub(super) is_hidden: bool,
+    /// Which links are not measured against it, and last what the arm carries; empty if none is.
+    pub(super) ignored: Vec<bool>,
 }
 
 /// How an obstacle turns, and how it is turned at the instant of its state.
@@ -53,11 +69,27 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             turned,
             room: 0,
             is_hidden: false,
+            ignored: vec![],
             description,
         };
         this.is_static = this.stands_still();
         this.foresee();
         this
+    }
+
+    /// Whether what `carrier` carries is not measured against it.
+    #[inline]
+    pub(super) fn is_ignored_by(&self, carrier: Carrier) -> bool {
+        match self.ignored.split_last() {
+            None => false,
+            Some((load, links)) => {
+                if carrier.is_load {
+                    *load
+                } else {
+                    links.get(carrier.link).is_some_and(|it| *it)
+                }
+            }
+        }
     }
 
     /// Whether it neither moves nor turns, nor any part of it.

@@ -1,7 +1,7 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
 use super::hull_query::near_hull;
-use super::{Asked, Contact, Named, ObstacleGeometry, Outlook, Pair, Placed, Turn, World};
+use super::{Asked, Carrier, Contact, Named, ObstacleGeometry, Outlook, Pair, Placed, Turn, World};
 use crate::geometry::{Body, PlacedHull};
 use crate::interrupt;
 use crate::math::Capsule;
@@ -28,6 +28,7 @@ const ROUNDING: f64 = 1e-9;
 ///     angle: 0.0,
 ///     angular_velocity: 0.0,
 ///     motion: Motion::Static {},
+///     ignore: vec![],
 /// };
 /// let mut world = World::new(vec![disc(0.2), disc(3.0)]);
 /// assert_eq!(world.obstacle_count(), 2);
@@ -105,7 +106,7 @@ pub trait CollisionQuery<const D: usize> {
         None
     }
 
-    /// The contact of body number `index` with `obstacle`, were that carried on for `after` \[s\], or back for −`after`, at
+    /// The contact of body number `index` with `obstacle`, infinitely far where these are not measured against each other, were that carried on for `after` \[s\], or back for −`after`, at
     /// its present velocity and rate of turning, or as it is foreseen.
     fn contact_after(
         &self,
@@ -178,62 +179,6 @@ pub trait Positions {
 }
 
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
-    /// The nearest points between `body`, which is number `index` of the robot, and obstacle `j`.
-    ///
-    /// Where several pairs are nearest (the axis of a body through the centre of a circle, parallel
-    /// edges) one of them is taken, always the same.
-    ///
-    /// # Arguments
-    /// * `body`: NaN coordinates give a NaN distance.
-    ///
-    /// # Panics
-    /// If `j` is not less than [`World::len`].
-    #[inline]
-    pub fn contact(&self, index: usize, body: &Body<'_, D>, j: usize) -> Contact<D> {
-        let obstacle = &self.obstacles[j];
-        let moved;
-        let state = if obstacle.is_at(self.time) {
-            &obstacle.state
-        } else {
-            moved = obstacle.moved_to(self.time);
-            &moved
-        };
-        let pair = Pair { body: index, link: body.link, obstacle: j };
-        let turn = obstacle.turn_at(self.time);
-        let probe = S::probe(&body.shape);
-        match &body.hull {
-            None => obstacle.contact(pair, &probe, state, turn.as_ref()),
-            Some(hull) => obstacle.hull_contact(pair, hull, &probe, state, turn.as_ref()),
-        }
-    }
-
-    /// Calls `visit` with the nearest points of every body and every obstacle that is not hidden, however far: one contact a pair, body
-    /// by body from the first of `bodies` on, and for each in the order of the obstacles.
-    pub fn for_each_pair<'a>(
-        &self,
-        bodies: impl IntoIterator<Item = Body<'a, D>>,
-        mut visit: impl FnMut(&Contact<D>),
-    ) {
-        for (index, body) in bodies.into_iter().enumerate() {
-            let seen = (0..self.len()).filter(|&j| !self.obstacles[j].is_hidden);
-            seen.for_each(|j| visit(&self.contact(index, &body, j)));
-        }
-    }
-
-    /// The same with every obstacle that is hidden.
-    pub fn for_each_hidden<'a>(
-        &self,
-        bodies: impl IntoIterator<Item = Body<'a, D>>,
-        mut visit: impl FnMut(&Contact<D>),
-    ) {
-        if self.hides_any() {
-            for (index, body) in bodies.into_iter().enumerate() {
-                let hidden = (0..self.len()).filter(|&j| self.obstacles[j].is_hidden);
-                hidden.for_each(|j| visit(&self.contact(index, &body, j)));
-            }
-        }
-    }
-
     /// Body by body from the first of `bodies` on, and for each in the order of the obstacles: `meet` is called with those
     /// that may be within reach, and how they are turned. The distance of what is nearest is needed below `limit` \[m\] only, and not
     /// at all where that is no more than `reach`.
@@ -261,17 +206,17 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         // whether it turns.
         let bodies = bodies.into_iter().enumerate();
         if let Named::All = named {
-            for (body, Body { link, shape, hull }) in bodies {
+            for (index, body) in bodies {
+                let Body { link, shape, hull, .. } = body;
                 let probe = S::probe(&shape);
                 if let Some(hull) = &hull {
-                    let pair = Pair { body, link, obstacle: 0 };
                     let mut found = |pair, obstacle: &_, turn: Option<&_>| {
                         meet(pair, &probe, Some(hull), obstacle, turn);
                     };
-                    let limits = [reach, limit];
+                    let (asked, limits) = ((index, &body, hull), [reach, limit]);
                     distance(
                         link,
-                        near_hull(obstacles, named, *time, pair, &probe, hull, limits, &mut found),
+                        near_hull(obstacles, named, *time, asked, &probe, limits, &mut found),
                     );
                     continue;
                 }
@@ -281,7 +226,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                 distance(link, least);
                 if least < reach {
                     for (j, obstacle) in obstacles.iter().enumerate() {
-                        meet(Pair { body, link, obstacle: j }, &probe, None, obstacle, None);
+                        meet(Pair { body: index, link, obstacle: j }, &probe, None, obstacle, None);
                     }
                 }
             }
@@ -289,40 +234,44 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         }
         // What was nearest before is worth a second look where one obstacle alone has many points to search.
         let searched = *contacts > obstacles.len();
-        for (body, Body { link, shape, hull }) in bodies {
+        for (index, body) in bodies {
             interrupt::checkpoint(256);
+            let (Body { link, shape, hull, .. }, carrier) = (body, Carrier::of(&body));
             let probe = S::probe(&shape);
             if let Some(hull) = &hull {
-                let pair = Pair { body, link, obstacle: 0 };
                 let mut found = |pair, obstacle: &_, turn: Option<&_>| {
                     meet(pair, &probe, Some(hull), obstacle, turn);
                 };
-                let limits = [reach, limit];
+                let (asked, limits) = ((index, &body, hull), [reach, limit]);
                 distance(
                     link,
-                    near_hull(obstacles, named, *time, pair, &probe, hull, limits, &mut found),
+                    near_hull(obstacles, named, *time, asked, &probe, limits, &mut found),
                 );
                 continue;
             }
             let near = match named {
                 Named::All => &[],
                 Named::Each(all) => &all[..],
-                Named::BroadPhase(broad_phase) => broad_phase.near(obstacles, *time, &probe, reach),
+                Named::BroadPhase(broad_phase) => {
+                    broad_phase.near(obstacles, *time, carrier, &probe, reach)
+                }
             };
+            let work = 64 * near.len();
+            let near = || near.iter().copied().filter(|&j| !obstacles[j].is_ignored_by(carrier));
             // Where no distance is asked for, a search for the nearest point does not pay: they are searched for all in reach.
             if searched && limit <= reach && limit.is_finite() {
-                interrupt::checkpoint(64 * near.len());
-                for &j in near {
-                    let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
+                interrupt::checkpoint(work);
+                for j in near() {
+                    let (pair, obstacle) = (Pair { body: index, link, obstacle: j }, &obstacles[j]);
                     meet(pair, &probe, None, obstacle, obstacle.turn());
                 }
                 continue;
             }
             let below = |limit: f64| {
-                let near = near.iter().map(|&j| &obstacles[j]);
+                let near = near().map(|j| &obstacles[j]);
                 least_distance(near, |obstacle| obstacle.distance_below(&probe, limit))
             };
-            let before = remembered.get_mut(body).filter(|_| searched);
+            let before = remembered.get_mut(index).filter(|_| searched);
             let expected = before.as_ref().map_or(f64::INFINITY, |before| **before + STRIDE);
             let mut least = below(expected.min(limit));
             if expected < limit && least >= expected - ROUNDING * (1.0 + expected.abs()) {
@@ -335,9 +284,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             }
             distance(link, least);
             if least < reach {
-                interrupt::checkpoint(64 * near.len());
-                for &j in near {
-                    let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
+                interrupt::checkpoint(work);
+                for j in near() {
+                    let (pair, obstacle) = (Pair { body: index, link, obstacle: j }, &obstacles[j]);
                     meet(pair, &probe, None, obstacle, obstacle.turn());
                 }
             }
@@ -474,6 +423,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         visit: impl FnMut(&Contact<D>),
     ) {
         let placed = &self.obstacles[obstacle];
+        if placed.is_ignored_by(Carrier::of(body)) {
+            return;
+        }
         if placed.geometry.contacts() == 1 || body.hull.is_some() {
             return self.for_each_contact_after(index, body, obstacle, after, reach, visit, |_| {});
         }
@@ -495,7 +447,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         take: impl Fn(&Contact<D>) -> T,
     ) -> T {
         let placed = &self.obstacles[obstacle];
-        if placed.geometry.contacts() == 1 || body.hull.is_some() {
+        let is_simple = placed.geometry.contacts() == 1 || body.hull.is_some();
+        if is_simple || placed.is_ignored_by(Carrier::of(body)) {
             return self.for_each_contact_after(index, body, obstacle, after, reach, visit, take);
         }
         let Body { link, shape, .. } = body;
@@ -547,7 +500,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let pair = Pair { body: index, link: body.link, obstacle };
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
         // Most are like this: apart, so that nothing is computed that the caller does not ask for.
-        if body.hull.is_none() && placed.turned.is_none() && placed.geometry.contacts() == 1 {
+        let is_simple = placed.turned.is_none() && placed.ignored.is_empty();
+        if body.hull.is_none() && is_simple && placed.geometry.contacts() == 1 {
             let contact = placed.geometry.contact(pair, &probe, &state);
             if contact.distance < reach {
                 visit(&contact);
@@ -560,6 +514,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             None => placed.contact(pair, &probe, &state, turn),
             Some(hull) => placed.hull_contact(pair, hull, &probe, &state, turn),
         };
+        if placed.is_ignored_by(Carrier::of(body)) {
+            return take(&Contact { distance: f64::INFINITY, ..nearest });
+        }
         if nearest.distance < reach {
             if placed.geometry.contacts() == 1 {
                 visit(&nearest);

@@ -1,5 +1,5 @@
 use super::plane::{Obstacle, Shape, World};
-use super::{CollisionQuery, Motion};
+use super::{CollisionQuery, Contact, LOAD, Motion};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 
@@ -10,6 +10,7 @@ fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
         angle: 0.0,
         angular_velocity: 0.0,
         motion,
+        ignore: vec![],
     }
 }
 
@@ -159,5 +160,69 @@ fn what_is_foreseen_is_found_where_it_will_be() {
         let mut placed = foreseen;
         placed.place(0, now, Vector::<2>::new(0.0, 2.0), Vector::<2>::new(0.0, -1.0));
         assert!(placed.foreseen(0).is_none());
+    }
+}
+
+/// Whatever is asked: links that obstacles are to ignore find what they would find without these, among few and in a crowd.
+#[test]
+fn links_do_not_find_what_ignores_them() {
+    let links = ["link_1", "link_2", "link_3"].map(String::from);
+    for count in [6, 40] {
+        let x = |k: usize| f64::from(u32::try_from(k).unwrap());
+        let kept = |k: usize| Obstacle {
+            ignore: links.iter().take(k % 4).cloned().collect(),
+            ..disc(
+                [0.1 * x(k), 0.3 + 0.05 * x(k)],
+                Motion::Linear { velocity: [0.1, -0.02 * x(k)] },
+            )
+        };
+        let mut world = World::new((0..count).map(kept).collect());
+        let body = |link: usize| {
+            let start = Vector::<2>::new(x(link), 0.0);
+            Body::new(link, Capsule::new(start, start + Vector::<2>::new(1.0, 0.0), 0.05))
+        };
+        let all = world.clone();
+        world.know_links(&links);
+        for (link, t) in [(0, 0.0), (1, 0.3), (2, 0.7), (0, 1.1)] {
+            let asked: Vec<usize> = (0..count).filter(|k| k % 4 <= link).collect();
+            let mut expected = all.only(asked.iter().copied());
+            expected.update(t);
+            world.update(t);
+            let told = |world: &mut World, numbers: &dyn Fn(usize) -> usize| {
+                let (mut found, mut least) = (vec![], vec![]);
+                let visit = |contact: &Contact<2>| {
+                    found.push((numbers(contact.obstacle), contact.distance.to_bits()));
+                };
+                world.for_each_contact([body(link)], 0.6, |_, d| least.push(d.to_bits()), visit);
+                let mut pairs = vec![];
+                world.for_each_pair([body(link)], |contact| pairs.push(numbers(contact.obstacle)));
+                let boxes = world.boxes();
+                let within = world.distance_within(&boxes, &body(link), 0.6).to_bits();
+                (found, least, pairs, within)
+            };
+            let of_all = told(&mut world, &|j| j);
+            assert_eq!(of_all, told(&mut expected, &|j| asked[j]), "{count} obstacles at {t} s");
+            assert!(!of_all.0.is_empty() && of_all.2.len() < count);
+            for j in 0..count {
+                let after = world.contact_after(0, &body(link), j, 0.1).distance;
+                assert_eq!(after == f64::INFINITY, !asked.contains(&j));
+            }
+        }
+        // Nobody is meant by a name that no link has; what is carried has a name of its own.
+        world.know_links(&["other".to_string()]);
+        let mut pairs = 0;
+        world.for_each_pair([body(0)], |_| pairs += 1);
+        assert_eq!(pairs, count);
+    }
+    let mut world = World::new(vec![Obstacle {
+        ignore: vec![LOAD.into()],
+        ..disc([0.0, 1.0], Motion::default())
+    }]);
+    world.know_links(&links);
+    let link = Body::new(2, Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1));
+    for is_load in [false, true] {
+        let mut pairs = 0;
+        world.for_each_pair([Body { is_load, ..link }], |_| pairs += 1);
+        assert_eq!(pairs, usize::from(!is_load));
     }
 }

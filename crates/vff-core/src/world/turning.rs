@@ -355,6 +355,7 @@ mod tests {
                 orientation: orientation.to_array(),
                 angular_velocity: [0.0; 3],
                 motion,
+                ignore: vec![],
             };
             let motion = Motion::Linear { velocity };
             let mut world =
@@ -507,6 +508,7 @@ mod tests {
             angle: 0.0,
             angular_velocity,
             motion: Motion::default(),
+            ignore: vec![],
         };
         let mut world = plane::World::new(vec![bar(0.0, [9.0, 0.0]), bar(1.0, [0.0, 0.0])]);
         let probe = |x: f64, y: f64| {

@@ -1,7 +1,7 @@
 //! How far bodies are from what is nearest, where it is nearer than a limit: boxes around obstacles tell that most are not.
 
 use super::broad_phase::{box_of, widened};
-use super::{ObstacleGeometry, Pair, World};
+use super::{Carrier, ObstacleGeometry, Pair, World};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 
@@ -73,7 +73,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         least
     }
 
-    /// Calls `visit` with the number of every obstacle that is not hidden and whose box comes within `limit` \[m\] of the body's;
+    /// Calls `visit` with the number of every obstacle that is measured against the body and whose box comes within `limit` \[m\] of the body's;
     /// it returns the limit from then on, −∞ for no more.
     ///
     /// # Arguments
@@ -87,7 +87,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     ) {
         let [low, high] = box_around(&body.shape);
         for (j, [rear, front]) in boxes.0.iter().enumerate() {
-            if self.obstacles[j].is_hidden {
+            let obstacle = &self.obstacles[j];
+            if obstacle.is_hidden || obstacle.is_ignored_by(Carrier::of(body)) {
                 continue;
             }
             let gap = (rear - high).sup(&(low - front)).map(|gap| gap.max(0.0));

@@ -109,6 +109,8 @@ fn assess_for<S: Judged<D, M>, const D: usize, const M: usize>(
 ) -> Result<(Verdict, Option<Motion>), ScenarioError> {
     let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
     let mut chain = S::chain(&arm);
+    let mut world = World::new(scene.obstacles.clone());
+    world.know_links(&arm.link_names());
     chain.move_to(&scenario.q0);
     let search = Search::<S::Chain, S::Geometry, D, M> {
         pieces: search::pieces(scenario.duration, scenario.q0.len())?,
@@ -116,7 +118,7 @@ fn assess_for<S: Judged<D, M>, const D: usize, const M: usize>(
         length: arm.characteristic_length(),
         trajectory: Trajectory::new(&scene.reference, &chain.pose())
             .map_err(|error| unusable(&error))?,
-        world: World::new(scene.obstacles.clone()),
+        world,
         chain,
     };
     Ok(search.verdict())

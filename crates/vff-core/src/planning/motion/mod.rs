@@ -147,6 +147,7 @@ where
     let keeps_apart = scenario.controller.self_collision != SelfCollision::Ignore;
     let mut world = World::new(scene.obstacles.clone());
     hide_unseen(&mut world, &scenario.contacts);
+    world.know_links(&arm.link_names());
     Task::<S, D, M> { arm, world, keeps_apart, goal, start }.plan(settings)
 }
 

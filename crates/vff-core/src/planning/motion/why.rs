@@ -28,7 +28,8 @@ impl Obstruction {
     pub fn sentence(&self, place: &str, horizon: Option<f64>) -> String {
         match self {
             Self::Obstacle { link, obstacle, distance, passes: false } => format!(
-                "at the {place} {link} is {} inside obstacle {obstacle}; another {place} helps",
+                "at the {place} {link} is {} inside obstacle {obstacle}; another {place} helps, or `ignore` of the obstacle \
+                 where the link may touch it",
                 mm(-distance),
             ),
             Self::Obstacle { link, obstacle, distance, .. } => format!(

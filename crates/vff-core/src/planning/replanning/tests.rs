@@ -92,6 +92,7 @@ fn what_moves_is_foreseen() {
         angle: 0.0,
         angular_velocity: 0.0,
         motion: Motion::Linear { velocity: velocity.into() },
+        ignore: vec![],
     };
     let mut state = closed_loop.arm().state();
     let mut q = [0; 3].map(|_| vec![0.0; 4]);

@@ -78,7 +78,7 @@ impl SpatialState {
     /// Body `k` in the world.
     #[inline]
     pub fn body(&self, k: usize) -> Body<'_, 3> {
-        let FixedBody { link, capsule, hull, .. } = &self.arm.bodies[k];
+        let FixedBody { link, capsule, hull, carried: is_load } = &self.arm.bodies[k];
         let Joint { rotation, position, .. } = &self.joints[*link];
         let Capsule { start, direction, length, radius } = *capsule;
         let origin = self.arm.base() + position;
@@ -88,6 +88,7 @@ impl SpatialState {
             link: *link,
             shape: Capsule { start, direction, length, radius },
             hull: hull.as_deref().map(carried),
+            is_load: *is_load,
         }
     }
 

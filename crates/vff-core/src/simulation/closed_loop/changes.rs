@@ -1,6 +1,7 @@
 //! What can be changed of a closed loop while it runs: its plan, gains, obstacles and goal.
 
 use super::*;
+use crate::world::Description;
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// From now on `replanning` watches over the reference.
@@ -153,11 +154,18 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             self.plant.surround(world, &all);
             self.feel();
         }
-        if settings.is_some_and(|settings| !settings.seen) {
+        let is_unseen = settings.is_some_and(|settings| !settings.seen);
+        if is_unseen {
             let n = self.q.len();
             self.truth.get_or_insert_with(|| Truth::new(n));
+        }
+        if is_unseen || !obstacle.ignored().is_empty() {
+            let links = self.arm.link_names();
             for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-                stack.world.hide(stack.world.len() - 1);
+                stack.world.know_links(&links);
+                if is_unseen {
+                    stack.world.hide(stack.world.len() - 1);
+                }
             }
             self.control();
         }

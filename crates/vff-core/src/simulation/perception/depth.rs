@@ -108,6 +108,7 @@ impl DepthCameras {
             orientation: upright(),
             angular_velocity: [0.0; 3],
             motion: Motion::Static {},
+            ignore: vec![],
         };
         let mut world = World::new(vec![cloud]);
         world.make_room(0, most);
@@ -313,6 +314,7 @@ mod tests {
             orientation: upright(),
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
+            ignore: vec![],
         };
         let wall = |normal, position| there(Shape::HalfSpace { normal }, position, [0.0; 3]);
         World::new(vec![

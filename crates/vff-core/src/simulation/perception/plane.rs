@@ -206,6 +206,7 @@ mod tests {
             angle: 0.0,
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.0, speed] },
+            ignore: vec![],
         }])
     }
 
@@ -309,6 +310,7 @@ mod tests {
             angle: 0.0,
             angular_velocity: 0.0,
             motion: Motion::default(),
+            ignore: vec![],
         };
         let world = World::new(vec![disc(1.0), disc(-0.7)]);
         let odd = PerceptionSettings { sensors: 5, ..settings() };

@@ -83,7 +83,7 @@ impl SpatialPerception {
 /// Rays in cones that point away from a body: so many cones along it, so many around it.
 #[expect(clippy::cast_precision_loss, reason = "counts of sensors and rays")]
 fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize) -> Vec<Mount> {
-    let Body { link, shape: capsule, hull } = robot.body(body);
+    let Body { link, shape: capsule, hull, .. } = robot.body(body);
     let (axes, joint) = (robot.link_axes(link), robot.joint_position(link));
     // From the capsule in to the hull, where one is there.
     let surface = |origin: Vector<3>, outward: &Vector<3>| {
@@ -305,7 +305,14 @@ mod tests {
     fn obstacle(shape: Shape, position: [f64; 3]) -> Obstacle {
         let orientation = [1.0, 0.0, 0.0, 0.0];
         let angular_velocity = [0.0; 3];
-        Obstacle { shape, position, orientation, angular_velocity, motion: Motion::default() }
+        Obstacle {
+            shape,
+            position,
+            orientation,
+            angular_velocity,
+            motion: Motion::default(),
+            ignore: vec![],
+        }
     }
 
     fn ball(radius: f64, position: [f64; 3]) -> Obstacle {
@@ -479,7 +486,7 @@ mod tests {
         let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3).unwrap();
         for mount in &perception.mounts {
             let [origin, _] = mount.ray(&robot);
-            let body = Body { link: 2, shape: capsule, hull: Some(hull) };
+            let body = Body { hull: Some(hull), ..Body::new(2, capsule) };
             assert!(distance_of_point(&body, &origin).abs() < 1e-12, "{origin}");
         }
         let point = middle + across * 0.06;

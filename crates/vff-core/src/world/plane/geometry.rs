@@ -51,6 +51,10 @@ impl Description<2> for Obstacle {
     fn set_motion(&mut self, motion: Motion<2>) {
         self.motion = motion;
     }
+
+    fn ignored(&self) -> &[String] {
+        &self.ignore
+    }
 }
 
 /// An obstacle without its radius, and that radius: relative to its position, turned by its angle.

@@ -22,6 +22,10 @@ pub struct Obstacle {
     /// Motion from the initial position. Default: none.
     #[serde(default)]
     pub motion: Motion<2>,
+    /// Links that may touch it, by name, and [`LOAD`](crate::world::LOAD) for what the arm carries: they are not measured against
+    /// it. Default: none.
+    #[serde(default)]
+    pub ignore: Vec<String>,
 }
 
 #[cfg(test)]
@@ -39,6 +43,7 @@ mod tests {
                 angle: 0.0,
                 angular_velocity: 0.0,
                 motion: Motion::Static {},
+                ignore: vec![],
             }
         );
     }

@@ -67,7 +67,14 @@ pub(super) fn translated(link: &Capsule<2>, by: Vector<2>) -> Capsule<2> {
 }
 
 pub(super) fn fixed(shape: Shape, position: [f64; 2], angle: f64) -> Obstacle {
-    Obstacle { shape, position, angle, angular_velocity: 0.0, motion: Motion::default() }
+    Obstacle {
+        shape,
+        position,
+        angle,
+        angular_velocity: 0.0,
+        motion: Motion::default(),
+        ignore: vec![],
+    }
 }
 
 pub(super) fn contact(link: &Capsule<2>, obstacle: &Obstacle) -> Contact<2> {

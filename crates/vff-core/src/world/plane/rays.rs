@@ -57,6 +57,7 @@ mod tests {
             angle,
             angular_velocity: 0.0,
             motion: Motion::default(),
+            ignore: vec![],
         }])
     }
 
@@ -123,6 +124,7 @@ mod tests {
             angle: 0.0,
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [speed, 0.0] },
+            ignore: vec![],
         };
         let mut world = World::new(vec![disc(3.0, 1.0), disc(6.0, -1.0)]);
         let east = Vector::<2>::new(1.0, 0.0);

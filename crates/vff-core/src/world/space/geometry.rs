@@ -64,6 +64,10 @@ impl Description<3> for Obstacle {
     fn set_motion(&mut self, motion: Motion<3>) {
         self.motion = motion;
     }
+
+    fn ignored(&self) -> &[String] {
+        &self.ignore
+    }
 }
 
 /// An obstacle without its radius, and that radius: relative to its position, turned by its orientation.

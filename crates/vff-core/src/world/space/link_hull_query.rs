@@ -177,7 +177,7 @@ mod tests {
             let start = self.position + self.rotation * around.start;
             let direction = self.rotation * around.direction;
             let shape = Probe { start, direction, ..around };
-            Body { link: 0, shape, hull: Some(self.placed_hull()) }
+            Body { hull: Some(self.placed_hull()), ..Body::new(0, shape) }
         }
 
         fn moved(&self, by: Vector<3>) -> Self {

@@ -23,6 +23,10 @@ pub struct Obstacle {
     /// Motion from the initial position. Default: none.
     #[serde(default)]
     pub motion: Motion<3>,
+    /// Links that may touch it, by name, and [`LOAD`](crate::world::LOAD) for what the arm carries: they are not measured against
+    /// it. Default: none.
+    #[serde(default)]
+    pub ignore: Vec<String>,
 }
 
 #[cfg(test)]
@@ -40,6 +44,7 @@ mod tests {
                 orientation: [1.0, 0.0, 0.0, 0.0],
                 angular_velocity: [0.0; 3],
                 motion: Motion::Static {},
+                ignore: vec![],
             }
         );
     }
@@ -92,6 +97,7 @@ mod tests {
                     phase: 0.0,
                     foreseen: false,
                 },
+                ignore: vec![],
             }
         );
     }

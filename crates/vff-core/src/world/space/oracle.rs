@@ -132,7 +132,14 @@ pub(crate) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
 pub(crate) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
     let orientation = [1.0, 0.0, 0.0, 0.0];
     let angular_velocity = [0.0; 3];
-    Obstacle { shape, position, orientation, angular_velocity, motion: Motion::default() }
+    Obstacle {
+        shape,
+        position,
+        orientation,
+        angular_velocity,
+        motion: Motion::default(),
+        ignore: vec![],
+    }
 }
 
 pub(crate) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {

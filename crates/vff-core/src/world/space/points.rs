@@ -23,6 +23,7 @@ use std::sync::Arc;
 ///     orientation: upright,
 ///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Static {},
+///     ignore: vec![],
 /// };
 /// let mut world = World::new(vec![cloud]);
 /// // Made beside the loop, swapped in within it.
@@ -67,6 +68,7 @@ impl Points {
     ///     orientation: upright,
     ///     angular_velocity: [0.0; 3],
     ///     motion: Motion::Static {},
+    ///     ignore: vec![],
     /// };
     /// let mut world = World::new(vec![cloud]);
     /// // Seen 0.5 s ago, and on its way to the link.
