@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import random
+import signal
 import subprocess
 import sys
 import time
@@ -17,7 +18,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull._support.files import replacing
+from vffnull._support.files import read_text, replacing
 from vffnull.errors import InputError
 from vffnull.logs import header
 from vffnull.model import record as _record
@@ -366,6 +367,43 @@ def test_nothing_is_unpickled(tiny: vff.Result, tmp_path: Path) -> None:
     assert not loads(path)
 
 
+ENDLESS = """
+import resource, sys
+from pathlib import Path
+resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))  # rather than the memory of the machine
+import vffnull as vff
+from vffnull.run.recording import read_cameras
+from vffnull.cli import main
+texts = (vff.Scenario.load, vff.Study.load, read_cameras, vff.arms.read_urdf, vff.Body.from_bvh)
+for read, path in (*((each, "endless.toml") for each in texts), (vff.Result.load, "endless.csv")):
+    try:
+        read(Path(path))
+    except (vff.errors.InputError, vff.errors.ScenarioError) as error:
+        print(error)
+sys.argv = ["vffnull", "validate", "endless.toml"]
+main()
+"""
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
+def test_a_text_without_end_is_refused(tmp_path: Path) -> None:
+    """Whatever reads it, and though the system says that it has no length; a command ends with code 2."""
+    for ending in ("toml", "csv"):
+        (tmp_path / f"endless.{ending}").symlink_to("/dev/zero")
+    command = [sys.executable, "-c", ENDLESS]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANG, check=False)
+    told = "endless.toml has too many bytes; at most {} are read".format
+    assert done.stdout.splitlines() == [
+        *[told(1 << 28)] * 3, told(16 << 20), told(200_000_000),
+        "endless.csv: not a result that vffnull has saved",
+    ]  # fmt: skip
+    assert (done.returncode, done.stderr) == (2, f"{told(1 << 28)}\n")
+    (tmp_path / "short.txt").write_bytes("ä\r\nö".encode())
+    assert read_text(tmp_path / "short.txt", 6) == "ä\nö"
+    with pytest.raises(InputError, match="has 6 bytes; at most 5 are read"):
+        read_text(tmp_path / "short.txt", 5)
+
+
 def test_paths_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="path"):
         vff.Result.load("a\0b.npz")
@@ -379,8 +417,10 @@ def test_paths_that_are_none(tmp_path: Path) -> None:
 LONG = ["--set", "simulation.record_every=1000", "--set", "duration=100000"]
 
 
-def terminated(folder: Path, *words: str, when: Callable[[int], bool]) -> tuple[int, str]:
-    """Exit code and stderr of a command that is ended by SIGTERM as soon as something is so."""
+def terminated(
+    folder: Path, *words: str, when: Callable[[int], bool], by: int = signal.SIGTERM
+) -> tuple[int, str]:
+    """Exit code and stderr of a command that is ended by a signal as soon as something is so."""
     process = subprocess.Popen(
         [sys.executable, "-m", "vffnull", *words],
         cwd=folder,
@@ -392,7 +432,7 @@ def terminated(folder: Path, *words: str, when: Callable[[int], bool]) -> tuple[
     while not when(process.pid):
         assert process.poll() is None and time.monotonic() < end, "it was over before"
         time.sleep(0.0005)
-    process.terminate()
+    process.send_signal(by)
     _, told = process.communicate(timeout=HANG)
     return process.returncode, told
 
@@ -409,6 +449,25 @@ def test_a_run_that_is_terminated(words: list[str], tmp_path: Path) -> None:
     assert left <= {words[-1]}, left
     if left and words[0] == "run":
         assert vff.Result.load(tmp_path / "run.npz").status == "interrupted"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")
+@pytest.mark.parametrize(("by", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    "words",
+    [["report", "long.toml", "old.html"], ["animate", "long.toml", "old.gif"],
+     ["compare", "long.toml", "paper-1", "old.html"]],
+    ids=lambda words: words[0],
+)  # fmt: skip
+def test_nothing_is_made_of_half_a_run(words: list[str], by: int, expected: int, tmp_path: Path) -> None:
+    """Ended in the midst of its simulation, a page or a film is not made, and an earlier one stays."""
+    long = vff.Scenario.load("paper-1").replace(duration=1e6, **{"simulation.record_every": 1000})
+    long.save(tmp_path / "long.toml")
+    (tmp_path / words[-1]).write_text("what was there")
+    code, told = terminated(tmp_path, *words, when=lambda pid: processor_time(pid) > 2.0, by=by)
+    assert (code, told.strip()) == (expected, "")
+    assert {each.name for each in tmp_path.iterdir()} == {"long.toml", words[-1]}
+    assert (tmp_path / words[-1]).read_text() == "what was there"
 
 
 def test_a_signal_that_comes_with_the_draft_leaves_none(

@@ -343,3 +343,15 @@ def test_with_load_names_what_is_wrong() -> None:
         assert "\n" not in str(raised.value)
     with pytest.raises(InputError, match=r"shapes.*plane"):
         vff.Arm.uniform(3).with_load(1.0, shapes=[{"kind": "sphere", "radius": 0.1}])
+
+
+def test_masses_of_the_plant_are_those_of_the_links() -> None:
+    """What the last one carries is there beside them."""
+    masses = [joint["mass"] for joint in PANDA.to_dict()["joints"]]
+    scene = vff.Scenario.load("panda-sweep").replace(**{"arm.load": {"mass": 2.0}})
+    loaded = scene.plant.mass_matrix(scene["q0"])
+    again = scene.replace(**{"plant.masses": masses}).plant.mass_matrix(scene["q0"])
+    np.testing.assert_allclose(again, loaded, atol=1e-12)
+    heavier = scene.replace(**{"plant.masses": [2.0 * mass for mass in masses]}).plant
+    total = sum(joint["mass"] for joint in heavier.to_dict()["joints"])
+    assert total == pytest.approx(2.0 * sum(masses) + 2.0)

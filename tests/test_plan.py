@@ -525,3 +525,18 @@ def test_where_there_is_room_a_plan_says_so() -> None:
     narrow = vff.plan(GAP)
     wide = np.minimum(narrow.margins, 0.02).mean()
     assert wide > 0.012, "in the gap no more than is there, elsewhere all of it"
+
+
+def test_a_wall_that_tilts_blocks_what_it_sweeps() -> None:
+    """Its surface has no end: what of it comes to the arm counts."""
+    a, b = [0.0, 0.6, 0.0, -1.2, 0.0, 0.6, 0.0], [0.8, 0.6, 0.0, -1.2, 0.0, 0.6, 0.0]
+    wall = vff.Obstacle.half_space([0.0, 0.0, -0.3], [0.0, 0.0, 1.0], angular_velocity=[1.2, 0.0, 0.0])
+    slow = vff.Obstacle.half_space([0.0, 0.0, -0.3], [0.0, 0.0, 1.0], angular_velocity=[0.1, 0.0, 0.0])
+    scene = {"duration": 1.0, "q0": a, "arm": {"model": "iiwa14"}, "reference": {"kind": "setpoint"}}
+    arm, times = vff.Arm.named("iiwa14"), np.linspace(0.0, 1.0, 51)
+    for obstacle, status in ((wall, "blocked"), (slow, "found")):
+        plan = vff.plan(scene | {"obstacles": [obstacle.to_dict()]}, b, horizon=1.0)
+        assert status in plan.status, plan.message
+        for q in plan.q if status == "found" else ():
+            room = vff.distances(arm, np.tile(q, (51, 1)), np.zeros((51, 7)), [obstacle], t=times).distance
+            assert room.min() > 0.0

@@ -123,6 +123,22 @@ def test_plans_are_joined_where_they_meet(there: vff.Plan) -> None:
         there.then(there)
 
 
+def test_a_pause_that_rounding_loses_is_refused(there: vff.Plan, tmp_path: Path) -> None:
+    """Instants would coincide, and nothing would take the plan; those that are named do not."""
+    back = vff.plan(GAP, GAP["q0"], start=there.q[-1])
+    for pause in (1e-17, 1e17, 1e300, 1e308):
+        with pytest.raises(InputError, match=r"^pause: expected .* s between these plans") as refused:
+            there.then(back, pause)
+    for named in str(refused.value).split()[2:5:2]:
+        whole = there.then(back, float(named))
+        whole.save(tmp_path / "plan.npz")
+        np.testing.assert_array_equal(vff.Plan.load(tmp_path / "plan.npz").t, whole.t)
+        np.testing.assert_array_equal(whole.at(whole.duration)[0], back.q[-1])
+    for pause in (1e-17, 1e308):
+        with pytest.raises(InputError, match=r"^pause: expected"):
+            vff.plan(GAP, [there.q[-1], GAP["q0"], there.q[-1]], pause=pause)
+
+
 def test_replanning_would_leave_goals_out(tour: vff.Plan) -> None:
     with pytest.raises(ScenarioError, match="replan: needs a plan without rests on the way"):
         vff.simulate(following(tour), {"replan": {}})

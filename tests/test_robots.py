@@ -12,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -19,6 +20,7 @@ import pytest
 
 import stand_ins
 import vffnull as vff
+from vffnull import arms
 from vffnull.errors import InputError
 from vffnull.robots import Robot, checks, emulated
 from vffnull.robots.franka import FrankaRobot
@@ -66,6 +68,42 @@ def test_mujoco_is_driven() -> None:
         assert report.status == "completed" and isinstance(robot, Robot)
         assert (max(contacts) > 0) == hit
         assert hit or max(off) < 2e-3
+
+
+@pytest.mark.parametrize("name", arms.names())
+def test_nothing_of_an_arm_is_touched_where_it_stands(name: str) -> None:
+    """Its base and its first link overlap by design, and MuJoCo lets that pair be only if it is told to."""
+    arm = vff.Arm.named(name)
+    q = np.full(arm.n, 0.3) if name not in ("panda", "fr3") else np.array(SCENE["q0"])
+    robot = MuJoCoRobot.from_arm(arm, q)
+    mujoco.mj_forward(robot.model, robot.data)
+    assert robot.data.ncon == 0
+
+
+def test_a_folded_arm_touches_itself() -> None:
+    """Other links are felt by the base as before."""
+    robot = MuJoCoRobot.from_arm(PANDA, [0.0, 1.7, 0.0, -3.0, 0.0, 1.5, 0.0])
+    mujoco.mj_forward(robot.model, robot.data)
+    bodies = robot.model.geom_bodyid[robot.data.contact.geom]
+    assert (bodies == robot.model.body("panda_link0").id).any()
+
+
+def test_a_pair_is_left_out_once_and_where_it_can_touch() -> None:
+    """Base and first link: not where `ignore` has them, links touch obstacles alone, or one has no shape."""
+    arm = arms.named("panda")
+    base, first = arm["base"], arm["joints"][0]["link"]
+    bare = [item for item in arm["collision"] if item["link"] != base]
+
+    def left_out(arm: dict[str, Any], **more: Any) -> list[set[str]]:
+        root = ElementTree.fromstring(arms.to_mjcf(arm, **more))
+        return [set(each.attrib.values()) for each in root.iter("exclude")]
+
+    ignored = [set(pair) for pair in arm.get("ignore", [])]
+    assert left_out(arm) == [*ignored, {base, first}]
+    assert left_out(arm, obstacles=[]) == ignored
+    assert left_out(arm | {"collision": bare}) == ignored
+    for pair in ([base, first], [first, base]):
+        assert left_out(arm | {"ignore": [pair]}) == [{base, first}]
 
 
 def test_mujoco_takes_what_its_actuators_take() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import oracle
 import vffnull as vff
+from vffnull.errors import InputError, ScenarioError
 
 EXPECTED = {name: "completed" for name in vff.scenarios()} | {
     "on-path": "collided",
@@ -342,6 +344,18 @@ def test_energy_balance_of_the_null_space(name: str) -> None:
     )
     assert coarse < 1e-2
     assert 3.0 < coarse / fine < 5.5
+
+
+def test_a_file_of_another_ending_is_there(tmp_path: Path) -> None:
+    """Not "no scenario called": what is wrong is its name."""
+    path = tmp_path / "mine.txt"
+    path.write_text(str(vff.Scenario.load("paper-1")), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"mine\.txt: the name of a scenario file ends in \.toml"):
+        vff.Scenario.load(path)
+    with pytest.raises(InputError, match=r"mine\.txt: the name of a study file ends in \.toml"):
+        vff.Study.load(path)
+    with pytest.raises(ScenarioError, match="no scenario called 'paper'"):
+        vff.Scenario.load("paper")
 
 
 def test_a_single_obstacle_stands_for_a_list() -> None:

@@ -136,7 +136,7 @@ def test_what_does_not_suit_the_loop_is_refused() -> None:
     scene = vff.Scenario.from_dict(SCENE)
     with vff.drive(SimulatedRobot(scene), scene) as driven:
         for other, says in (
-            (vff.Controller(vff.Arm.named("ur5e"), SETTINGS), "number of joints"),
+            (vff.Controller(vff.Arm.named("ur5e"), SETTINGS), "keeps its joints"),
             (vff.Controller(PANDA, {"task": "position"}), "its task"),
             (vff.Controller(PANDA, SETTINGS | {"command": {"blend_time": 0.2}}), "command"),
         ):
@@ -175,3 +175,13 @@ def test_arms_with_loads_and_tools() -> None:
     ):
         with pytest.raises(InputError, match=says):
             wrong()
+
+
+def test_another_robot_is_refused() -> None:
+    """One with as many joints: its weights and limits are others."""
+    with vff.drive(SimulatedRobot(SCENE), vff.Controller(PANDA, SETTINGS), seconds=0.2) as drive:
+        with pytest.raises(InputError, match="keeps its joints, by number and name"):
+            drive.set_controller(vff.Controller(vff.Arm.named("iiwa14"), SETTINGS))
+        drive.set_controller(vff.Controller(vff.Arm.named("panda"), SETTINGS))
+        assert drive.wait(HANG)
+    assert drive.report.status == "completed"

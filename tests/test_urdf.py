@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
 from strategies import random_arm
-from vffnull import _core, arms, plan, simulate
+from vffnull import Arm, _core, arms, plan, simulate
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
 mujoco = pytest.importorskip("mujoco")
@@ -161,10 +161,10 @@ def test_what_is_odd_is_warned_of() -> None:
     with pytest.warns(ScenarioWarning) as told:
         arm = arms.from_urdf(text, collision="none")
     assert [str(each.message) for each in told] == [
-        f"no limit of {of} for `elbow`" for of in ("speed", "torque")
+        f"no limit of {of} for `elbow`: taken for {most}" for of, most in (("speed", 100), ("torque", 100000))
     ]
     assert told[0].filename == __file__
-    assert arm["torque_limits"] == [50.0, math.inf]
+    assert arm["torque_limits"] == [50.0, 1e5]
     assert _core.check_arm(arm) == arm
 
 
@@ -786,3 +786,19 @@ def test_no_warning_from_reading_a_report() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         arms.read_urdf(without_mesh(), collision="none")
+
+
+def test_a_joint_without_limits_beside_others() -> None:
+    """A continuous joint needs none: it is told what it is taken for."""
+    text = """<robot name="r"><link name="base"/>
+    <link name="a"><inertial><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <link name="b"><inertial><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="j1" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+    <joint name="j2" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.5 0 0"/>
+      <axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="2" effort="30"/></joint></robot>"""
+    with pytest.warns(ScenarioWarning) as told:
+        arm = Arm.from_urdf(text, collision="none")
+    assert "no limit of speed for `j1`: taken for 100" in [str(each.message) for each in told]
+    assert arm.velocity_limits.tolist() == [100.0, 2.0] and arm.torque_limits.tolist() == [1e5, 30.0]

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, and as they were written."""
+"""Files that are there whole or not at all, as they were written, and no longer than can be read."""
 
 from __future__ import annotations
 
@@ -10,13 +10,46 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vffnull._support.errors import InputError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["digest", "replacing"]
+__all__ = ["digest", "read_text", "replacing"]
 
+MAX_BYTES = 1 << 28
+"""Of a text: the largest cloud, of 50 000 points, takes 3 million, and a million discs take 110 million."""
 _LONGEST_ENDING = 16
+
+
+def read_text(path: Path, most: int = MAX_BYTES, encoding: str = "utf-8", errors: str = "strict") -> str:
+    """The text of a file that is not too long; of one that is, no more is read than that takes.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    most : int, optional
+        How many bytes it may have, or characters where the system does not tell.
+    encoding, errors : str, optional
+        As of `open`.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If there are more.
+    OSError
+        If it cannot be read.
+    UnicodeDecodeError
+        If it is no such text.
+    """
+    with path.open(encoding=encoding, errors=errors) as file:
+        size = os.fstat(file.fileno()).st_size  # 0 of a device or a pipe, which may have no end
+        text = file.read(most + 1) if size <= most else ""
+    if size > most or len(text) > most:
+        raise InputError(f"{path} has {size or 'too many'} bytes; at most {most} are read")
+    return text
 
 
 @contextmanager

@@ -14,8 +14,8 @@ import numpy as np
 import vffnull._core as _core
 from vffnull._support.errors import InputError, ScenarioError, ScenarioWarning
 from vffnull.arms._frames import roll_pitch_yaw
+from vffnull.model.obstacle import Obstacle, checked
 from vffnull.model.shape import core_in_space
-from vffnull.model.world import Obstacle, checked
 
 __all__ = ["text_of", "to_mjcf", "to_urdf"]
 
@@ -214,7 +214,11 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
             element.set("range", _text([max(lower, -_FAR), min(upper, _FAR)]))
         _mjcf_geoms(body, asset, arm, joint["link"], touch)
     ET.SubElement(body, "site", {"name": arm["tip"], **_place(arm["tool"])})
-    pairs = arm.get("ignore", [])
+    pairs = list(arm.get("ignore", []))
+    # MuJoCo lets neighbours be, but not the first link and a base that stands: that is a part of the world.
+    first = [arm["base"], arm["joints"][0]["link"]]
+    if solids is None and all(_shapes(arm, link) for link in first) and set(first) not in map(set, pairs):
+        pairs.append(first)
     if pairs:
         contact = ET.SubElement(root, "contact")
         for first, second in pairs:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import vffnull._core as _core
+from vffnull._support import files
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.arms import _meshes
 from vffnull.arms._read import Collision, Pieces, finish, options, tell
@@ -168,10 +169,7 @@ def text_of(name: str, given: str | os.PathLike[str]) -> tuple[str, Path | None]
         raise InputTypeError(f"{name}: expected a path or text, got {type(given).__name__}")
     path = Path(given)
     try:
-        size = path.stat().st_size
-        if path.is_file() and size > MAX_BYTES:
-            raise InputError(f"{path} has {size} bytes; at most {MAX_BYTES} are read")
-        return path.read_text(encoding="utf-8-sig"), path
+        return files.read_text(path, MAX_BYTES, "utf-8-sig"), path
     except OSError as error:
         raise InputError(f"{name}: {path}: {error.strerror or error}") from None
     except (UnicodeDecodeError, ValueError) as error:

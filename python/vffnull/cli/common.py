@@ -147,9 +147,18 @@ def run_with_bar(ready: Scenario, quiet: bool, plant: str = PLANTS[0]) -> Result
 
 
 def run_or_load(source: str, assignments: tuple[str, ...], quiet: bool) -> Result:
-    """The result in a file, or the result of running a scenario."""
+    """The result in a file, or the result of running a scenario, to be shown.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the run was interrupted: nobody waits for a page of half a run, nor gives an earlier one for it.
+    """
     if Path(source).suffix not in READABLE:
-        return run_with_bar(prepared(source, assignments), quiet)
+        result = run_with_bar(prepared(source, assignments), quiet)
+        if result.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return result
     if assignments:
         raise click.UsageError(f"--set changes a scenario before it runs; {source} is the result of a run")
     return Result.load(source)

@@ -34,10 +34,9 @@ def write(result: Outcome, path: Path) -> None:
 def read(path: Path) -> tuple[header.Header, header.Arrays]:
     """The header and the arrays of a file."""
     with path.open(encoding="utf-8", newline="\n") as file:
-        first = file.readline()
-        if not first.startswith(_MARK):
+        if file.read(len(_MARK)) != _MARK:  # before a line is read, which may have no end in a foreign file
             raise header.foreign(path)
-        found = header.unpack(first.removeprefix(_MARK), path)
+        found = header.unpack(file.readline(), path)
         file.readline()
         names = file.readline().rstrip("\n").split(",")
         with warnings.catch_warnings():

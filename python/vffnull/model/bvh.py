@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["read"]
 
-MAX_TEXT = 200_000_000  # characters
+MAX_BYTES = 200_000_000
 MAX_JOINTS = 1000
 _CHANNELS = {f"{axis}{kind}" for axis in "XYZ" for kind in ("position", "rotation")}
 
@@ -45,7 +45,7 @@ def read(path: Path) -> tuple[list[str], list[int], Array, Array]:
     """
     import numpy as np
 
-    lines = enumerate(read_text(path, MAX_TEXT, errors="replace").splitlines(), start=1)
+    lines = enumerate(read_text(path, MAX_BYTES, errors="replace").splitlines(), start=1)
     words = ((k, line.split()) for k, line in lines if line.strip())
     joints = _hierarchy(path.name, words)
     k, given = next(words, (0, []))

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import vffnull._core as _core
 from vffnull._support.arguments import suggesting
-from vffnull._support.errors import InputTypeError, ScenarioError
+from vffnull._support.errors import InputError, InputTypeError, ScenarioError
+from vffnull._support.files import read_text, replacing
 from vffnull.model.arm import arm_of
 from vffnull.model.arm_files import anchored, explicit
 from vffnull.model.document import Document, HasDocument, frozen, get, plain, put
@@ -231,8 +232,6 @@ class Scenario:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the scenario to a TOML file."""
-        from vffnull._support.files import replacing
-
         with replacing(Path(path)) as draft:
             draft.write_text(str(self), encoding="utf-8")
 
@@ -297,9 +296,11 @@ def read(source: str | os.PathLike[str]) -> str:
         )
     if name.endswith(".toml"):
         try:
-            text = Path(name).read_text(encoding="utf-8")
+            text = read_text(Path(name))
         except UnicodeDecodeError:
             raise ScenarioError(f"{shown(name)}: not a TOML file, the text is not UTF-8") from None
+        except InputError as error:
+            raise ScenarioError(shown(str(error))) from None
         except (OSError, ValueError) as error:  # a ValueError if the path holds a null character
             encoding = isinstance(error, UnicodeEncodeError)
             reason = "no path of this system" if encoding else getattr(error, "strerror", None) or str(error)
@@ -310,6 +311,8 @@ def read(source: str | os.PathLike[str]) -> str:
     bundled = scenarios()
     if name in bundled:
         return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
+    if os.path.isfile(name):
+        raise ScenarioError(f"{shown(name)}: the name of a scenario file ends in .toml")
     import difflib
 
     near = difflib.get_close_matches(name, bundled, n=1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
 from numbers import Real
 from typing import Any
 
@@ -125,14 +124,15 @@ def plan(
     if not several:
         raise InputError("goal: expected one or more, got an empty list")
     aims = [_aimed(f"goal[{i}]", document, each, ready.arm.dimension) for i, each in enumerate(several)]
-    legs: list[Plan] = []
+    tour: Plan | None = None
     for i, aim in enumerate(aims):
         leg = _to_one(ready.arm, aim, at, now, settings)
         if leg.status is not PlanStatus.FOUND:
             return replace(leg, message=f"goal {i + 1} of {len(aims)}: {leg.message}")
-        legs.append(leg)
+        tour = leg if tour is None else tour.then(leg, rest)  # at once: a pause may be too long for it
         at, now = leg.q[-1].tolist(), now + leg.duration + rest
-    return reduce(lambda before, leg: before.then(leg, rest), legs)
+    assert tour is not None
+    return tour
 
 
 def _several(goal: Any) -> list[Any] | None:

@@ -166,7 +166,7 @@ class Plan:
         following : Plan
             A motion that begins where this one ends.
         pause : float, optional
-            How long the arm rests in between [s], > 0.
+            How long the arm rests in between [s], > 0, and so that rounding keeps all instants apart.
 
         Returns
         -------
@@ -176,7 +176,8 @@ class Plan:
         Raises
         ------
         vffnull.errors.InputError
-            If one of them holds no motion, the other one begins elsewhere, or the pause is none.
+            If one of them holds no motion, the other one begins elsewhere, or the pause is none, or so short
+            or long that instants would coincide.
         """
         self._needed()
         following._needed()
@@ -195,6 +196,10 @@ class Plan:
             if known or name != "margins"
         }
         joined["t"][len(self.t) :] += self.t[-1] + rest
+        if not (np.diff(joined["t"]) > 0.0).all():  # rounding has lost the rest, or the motion after it
+            least = 2.0 * np.spacing(self.t[-1])
+            most = 0.5 * np.diff(following.t).min() / np.finfo(float).eps
+            raise InputError(f"pause: expected {least:.1g} to {most:.1g} s between these plans, got {rest} s")
         joined["q"][len(self.t)] = self.q[-1]  # exactly: that makes it a rest
         return Plan(
             status=self.status,

@@ -14,6 +14,7 @@ import vffnull._core as _core
 from vffnull._core import Arm, matrices, quaternions
 from vffnull._support.arguments import number
 from vffnull._support.errors import InputError
+from vffnull._support.files import read_text
 from vffnull.logs import ros2
 
 __all__ = ["Cell", "Shot", "Source", "State", "read_cameras"]
@@ -62,7 +63,7 @@ class Shot:
 
 def read_cameras(path: Path) -> dict[str, dict[str, Any]]:
     """What a TOML file says of cameras: a table of each, by its topic, with `KEYS` and ``time_offset``."""
-    document = _core.parse_toml(path.read_text(encoding="utf-8"), str(path))
+    document = _core.parse_toml(read_text(path), str(path))
     for topic, given in document.items():
         if not isinstance(given, dict):
             raise InputError(f'{path}: {topic}: expected a table ["TOPIC"], got {given!r}')

@@ -344,6 +344,8 @@ def text_of(source: str | os.PathLike[str]) -> str:
         return read(source)
     names = studies()
     if os.fspath(source) not in names:
+        if os.path.isfile(source):
+            raise InputError(f"{shown(source)}: the name of a study file ends in .toml")
         import difflib
 
         near = difflib.get_close_matches(os.fspath(source), names, n=1)

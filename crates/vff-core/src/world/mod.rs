@@ -233,9 +233,11 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         self.obstacles[j].is_static
     }
 
-    /// A speed that no obstacle exceeds until a time \[s\], with all points of its surface \[m/s\].
-    pub fn top_speed(&self, until: f64) -> f64 {
-        self.obstacles.iter().map(|obstacle| obstacle.top_speed(until)).fold(0.0, f64::max)
+    /// A speed that no obstacle exceeds until a time ≥ 0 \[s\], with all points of its surface \[m/s\]; of one without end, with
+    /// those that come to a ball of this `center` and `radius` \[m\].
+    pub fn top_speed(&self, until: f64, center: Vector<D>, radius: f64) -> f64 {
+        let speed = |obstacle: &Placed<S, D>| obstacle.top_speed(until, Some((center, radius)));
+        self.obstacles.iter().map(speed).fold(0.0, f64::max)
     }
 
     /// Whether obstacle `j` is one convex body, which has one contact with another.

@@ -148,7 +148,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         if turns_without_end || self.geometry.speed() > 0.0 {
             return f64::INFINITY;
         }
-        self.top_speed(self.since)
+        self.top_speed(self.since, None)
     }
 
     /// The state at time `t` \[s\], carried on for `after` \[s\]: at its velocity, or as it is foreseen. Without a copy between,
@@ -389,13 +389,23 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         }
     }
 
-    /// A speed that no point of its surface exceeds until it has moved by itself for so long \[m/s\]; that of its position, if the
-    /// surface has no end.
-    pub(super) fn top_speed(&self, until: f64) -> f64 {
+    /// A speed that no point of its surface exceeds until it has moved by itself for so long \[m/s\]. Of a surface without end, where
+    /// that comes to a ball, of this centre and radius \[m\], or its position alone.
+    pub(super) fn top_speed(&self, until: f64, ball: Option<(Vector<D>, f64)>) -> f64 {
         let own = self.geometry.speed();
         let speed = self.description.motion().top_speed() + own;
         let Some(turned) = &self.turned else { return speed };
         let reach = self.geometry.reach() + own * (until - self.since).max(0.0);
-        if reach.is_finite() { speed + turned.turning.top_rate() * reach } else { speed }
+        let reach = match ball {
+            _ if reach.is_finite() => reach,
+            None => return speed,
+            Some((center, radius)) => {
+                let description = &self.description;
+                let way = description.motion().extent(0.0, until, description.position());
+                let [low, high] = way.map(|corner| (corner - center).abs());
+                radius + low.sup(&high).norm()
+            }
+        };
+        speed + turned.turning.top_rate() * reach
     }
 }

@@ -127,7 +127,9 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             None => false,
         });
         let moving = world.only(others.iter().copied());
-        let speed = moving.top_speed(start + duration);
+        let reach = Levers::new(&mut robot);
+        let (center, radius) = reach.ball();
+        let speed = moving.top_speed(start + duration, center, radius);
         let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
         let stride = duration / places;
         let mut worlds = vec![world.only(standing.iter().copied())];
@@ -144,7 +146,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         };
         let n = robot.dof();
         Self {
-            reach: Levers::new(&mut robot),
+            reach,
             robot,
             worlds: worlds.into_iter().map(with_boxes).collect(),
             numbers: [standing, others],

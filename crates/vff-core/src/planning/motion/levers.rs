@@ -126,6 +126,9 @@ pub struct Levers {
     /// How far a point of link l is from joint i at most, number i·n + l; 1 where joint i slides.
     lever: Vec<f64>,
     n: usize,
+    /// All of the arm stays within so much of there \[m\].
+    origin: Vector<3>,
+    reach: f64,
 }
 
 impl Levers {
@@ -142,10 +145,14 @@ impl Levers {
             let bodies = robot.bodies().filter(|body| body.link == link);
             bodies.map(|body| body.reach_from(&origin)).fold(0.0, f64::max)
         };
-        let mut lever = vec![0.0; n * n];
+        let thickest = robot.bodies().map(|body| body.shape.radius).fold(0.0, f64::max);
+        let (mut lever, mut reach) = (vec![0.0; n * n], 0.0);
         for i in 0..n {
             let mut along = travel(i);
             for link in i..n {
+                if i == 0 {
+                    reach = f64::max(reach, along + extent(link) + thickest);
+                }
                 lever[i * n + link] = if robot.slides(i) { 1.0 } else { along + extent(link) };
                 if link + 1 < n {
                     let next = robot.joint_position(link + 1) - robot.joint_position(link);
@@ -153,7 +160,12 @@ impl Levers {
                 }
             }
         }
-        Self { lever, n }
+        Self { lever, n, origin: in_space(&robot.joint_position(0)), reach }
+    }
+
+    /// The centre and the radius of a ball in which all of the arm is, wherever its joints are \[m\].
+    pub fn ball<const D: usize>(&self) -> (Vector<D>, f64) {
+        (Vector::from_fn(|row, _| self.origin[row]), self.reach)
     }
 
     /// How far `link` goes at most as seen by `from`, the base or a link before it, while the joints go from `a` to `b`.

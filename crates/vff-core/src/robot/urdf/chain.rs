@@ -76,6 +76,9 @@ pub struct Reading {
     pub warnings: Vec<String>,
 }
 
+/// What a joint is taken to do where others have limits and it has none: more than any robot \[rad/s, m/s\], \[N·m, N\].
+const UNLIMITED: [f64; 2] = [100.0, 1e5];
+
 /// A form of the file on a link of the arm.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LinkGeometry {
@@ -278,12 +281,12 @@ impl Tree {
                 return Err(UrdfError::Massless { link, joint });
             }
             ranges.push([lower, upper]);
-            for (limit, all, without) in [
-                (joint.velocity, &mut velocity, &mut no_velocity),
-                (joint.torque, &mut torque, &mut no_torque),
+            for (limit, all, without, most) in [
+                (joint.velocity, &mut velocity, &mut no_velocity, UNLIMITED[0]),
+                (joint.torque, &mut torque, &mut no_torque, UNLIMITED[1]),
             ] {
                 let given = limit > 0.0;
-                all.push(if given { limit } else { f64::INFINITY });
+                all.push(if given { limit } else { most });
                 if !given {
                     without.push(joint.name.clone());
                 }
@@ -308,14 +311,16 @@ impl Tree {
                 friction: joint.friction,
             });
         }
-        for (what, without, all) in
-            [("speed", no_velocity, &mut velocity), ("torque", no_torque, &mut torque)]
-        {
+        for (what, without, all, most) in [
+            ("speed", no_velocity, &mut velocity, UNLIMITED[0]),
+            ("torque", no_torque, &mut torque, UNLIMITED[1]),
+        ] {
+            let names = list(&without);
             if without.len() == n {
                 all.clear();
-            }
-            if !without.is_empty() {
-                warnings.push(format!("no limit of {what} for {}", list(&without)));
+                warnings.push(format!("no limit of {what} for {names}"));
+            } else if !without.is_empty() {
+                warnings.push(format!("no limit of {what} for {names}: taken for {most}"));
             }
         }
         if ranges.iter().flatten().all(|x| x.is_infinite()) {

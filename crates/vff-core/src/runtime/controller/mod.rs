@@ -88,7 +88,7 @@ pub enum CycleError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SuccessionError {
     /// Its robot or task is another one.
-    #[error("a loop keeps its number of joints, its task and its space")]
+    #[error("a loop keeps its joints, by number and name, its task and its space")]
     Another,
     /// Its `command` is another one.
     #[error("command: a loop keeps what it has begun with")]

@@ -21,7 +21,7 @@ use serde::Deserialize;
 /// assert_eq!(arm.dof(), 6);
 /// let payload = PayloadSpec { mass: 2.0, ..PayloadSpec::default() };
 /// let plant = SpatialPlantSpec { payload, ..SpatialPlantSpec::default() };
-/// assert!(plant.build(&arm).unwrap().arm.total_mass() > arm.total_mass() + 1.9);
+/// assert!(plant.build(&spec, &arm).unwrap().arm.total_mass() > arm.total_mass() + 1.9);
 /// ```
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -36,10 +36,10 @@ impl FromDocument<3> for Space {
 
     fn plant(
         table: &SpatialPlantSpec,
-        _: &SpatialArmSpec,
+        spec: &SpatialArmSpec,
         model: &Arc<SpatialArm>,
     ) -> Result<Physics<SpatialArm>, ScenarioError> {
-        table.build(model)
+        table.build(spec, model)
     }
 
     fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {

@@ -2,6 +2,7 @@
 
 use super::super::error::{Problem, ScenarioError};
 use super::super::numbers::{each, length, number};
+use super::SpatialArmSpec;
 use crate::math::ScalarOrVec;
 use crate::robot::SpatialArm;
 use crate::robot::description::{ArmDescription, Joint};
@@ -57,11 +58,15 @@ pub struct PayloadSpec {
 }
 
 impl SpatialPlantSpec {
-    /// The physical arm, where the controller believes in `model`.
+    /// The physical arm, where the controller believes in `model`, made of `spec`.
     ///
     /// # Errors
     /// With the name of the first parameter that is wrong.
-    pub fn build(&self, model: &Arc<SpatialArm>) -> Result<Physics<SpatialArm>, ScenarioError> {
+    pub fn build(
+        &self,
+        spec: &SpatialArmSpec,
+        model: &Arc<SpatialArm>,
+    ) -> Result<Physics<SpatialArm>, ScenarioError> {
         let believed = model.description();
         let (n, mut arm) = (believed.dof(), believed.clone());
         for (path, given) in [
@@ -70,7 +75,15 @@ impl SpatialPlantSpec {
         ] {
             given.as_ref().map_or(Ok(()), |given| each(path, given, n, &NOT_NEGATIVE))?;
         }
-        self.weigh(&mut arm)?;
+        match &spec.load {
+            // The masses are those of the links, whatever the last one carries.
+            Some(load) if self.masses.is_some() => {
+                arm = SpatialArmSpec { load: None, ..spec.clone() }.description()?;
+                self.weigh(&mut arm)?;
+                load.fasten(&mut arm)?;
+            }
+            _ => self.weigh(&mut arm)?,
+        }
         arm.gravity = self.gravity.unwrap_or(arm.gravity);
         self.payload.load(&mut arm).map_err(|error| error.inside("payload"))?;
         let friction = |given: &Option<ScalarOrVec>, own: fn(&Joint) -> f64| {

@@ -12,7 +12,9 @@ use std::mem::swap;
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// One like `like`, ready to take the place of this one. Allocates.
     pub(super) fn made_like(&self, like: &Self) -> Result<Self, SuccessionError> {
-        if like.arm.dof() != self.arm.dof() {
+        let joints =
+            |arm: &S::Arm| -> Vec<String> { (0..arm.dof()).map(|i| arm.joint_name(i)).collect() };
+        if joints(&like.arm) != joints(&self.arm) {
             return Err(SuccessionError::Another);
         }
         if like.settings.command != self.settings.command {
@@ -43,7 +45,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             return Err(SuccessionError::Succeeding);
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
-        let Some(mut fading) = next.fading.take().filter(|_| next.arm.dof() == self.arm.dof()) else {
+        let Some(mut fading) = next.fading.take().filter(|_| next.arm.dof() == self.arm.dof())
+        else {
             return Err(SuccessionError::Another);
         };
         if self.spoilt {
