@@ -162,7 +162,7 @@ pub fn known_ignored<const D: usize>(
         if !allowed().any(|name| name == given) {
             let (given, allowed) = (given.clone(), allowed().map(String::from).collect());
             let problem = Problem::UnknownChoice { given, allowed };
-            return Err(ScenarioError::new(&format!("ignore[{k}]"), problem));
+            return Err(ScenarioError::new(format!("ignore[{k}]"), problem));
         }
     }
     Ok(())
