@@ -479,10 +479,9 @@ mod tests {
             }
         };
         let ((shape, hull), (other, other_hull)) = (form(i), form(j));
+        let corners = |hull: PlacedHull<'_, 3>| hull.corners().map(Into::into).collect();
         let shape_of = |shape: &Capsule<3>, hull: Option<PlacedHull<'_, 3>>| match hull {
-            Some(hull) => {
-                ObstacleShape::Convex { vertices: hull.corners().map(Into::into).collect() }
-            }
+            Some(hull) => ObstacleShape::Convex { vertices: corners(hull) },
             None => {
                 let [a, b] = [shape.start, shape.end()].map(Into::into);
                 ObstacleShape::Capsule { a, b, radius: shape.radius }
