@@ -166,3 +166,32 @@ def test_the_command_line_takes_several(tmp_path: Path) -> None:
     ((start, end),) = rests(vff.Plan.load(tmp_path / "plan.npz"))
     assert end - start == pytest.approx(0.4)
     assert "as many as there are" in vffnull(*asked, "--orientation", 0.5, code=2).stderr
+
+
+@pytest.mark.parametrize(
+    ("free", "away", "disc"),
+    [
+        ([1.45, -2.303, -1.217], [0.5, -0.05, -0.05], [0.278489, 0.421431]),
+        ([0.872, -1.442, -2.248], [-0.5, 0.05, 0.05], [0.551923, 0.371906]),
+    ],
+)
+def test_a_configuration_that_folds_into_the_arm_hides_no_other(
+    free: list[float], away: list[float], disc: list[float]
+) -> None:
+    """The other one has more room from the disc, and touches the arm itself."""
+    lengths, obstacle = [0.5, 0.4, 0.45], {"shape": {"kind": "circle", "radius": 0.05}, "position": disc}
+    arm = vff.Arm(lengths, 1.0, radius=0.06)
+    start = np.add(free, away)
+    scene = {
+        "duration": 1.0,
+        "q0": start.tolist(),
+        "arm": {"lengths": lengths, "masses": 1.0, "radius": 0.06},
+        "obstacles": [obstacle],
+        "reference": {"kind": "setpoint", "point": arm.forward_kinematics(start)[-1].tolist()},
+        "controller": {"self_collision": "avoid"},
+    }
+    assert vff.plan(scene, free).status == "found"
+    tip, orientation = arm.forward_kinematics(free)[-1], float(np.sum(free))
+    plan = vff.plan(scene, {"position": tip.tolist(), "orientation": orientation})
+    assert plan.status == "found", plan.message
+    np.testing.assert_allclose(arm.forward_kinematics(plan.q[-1])[-1], tip, atol=1e-6)

@@ -143,7 +143,11 @@ where
             }
         };
         let mut goals: Vec<End> = candidates.iter().map(|q| self.end(q)).collect();
-        let roomiest = goals.iter().max_by(|a, b| a.clearance.total_cmp(&b.clearance));
+        // A candidate that touches the arm itself has no room that counts, however far it is from everything else.
+        let roomiest = goals.iter().max_by(|a, b| {
+            let is_apart = [a, b].map(|goal| goal.apart > 0.0);
+            is_apart[0].cmp(&is_apart[1]).then(a.clearance.total_cmp(&b.clearance))
+        });
         let roomiest = roomiest.expect("there is a candidate").clone();
         let margin = asked.min(first.least()).min(roomiest.least());
         goals.retain(|goal| {
