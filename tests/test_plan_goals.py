@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -195,3 +196,27 @@ def test_a_configuration_that_folds_into_the_arm_hides_no_other(
     plan = vff.plan(scene, {"position": tip.tolist(), "orientation": orientation})
     assert plan.status == "found", plan.message
     np.testing.assert_allclose(arm.forward_kinematics(plan.q[-1])[-1], tip, atol=1e-6)
+
+
+def test_poses_at_the_very_end_of_the_reach() -> None:
+    """With the elbow stretched out they are reached in one place of a bent valley alone."""
+    arm, noise = vff.Arm.named("gen3"), np.random.default_rng(4)
+    for _ in range(40):
+        q = np.round(noise.uniform(-2, 2, 7), 2)
+        q[[2, 3, 4]] = 0.0
+        position, orientation = arm.pose(q)
+        scene = {
+            "duration": 1.0,
+            "q0": noise.uniform(-2, 2, 7).tolist(),
+            "arm": {"model": "gen3"},
+            "reference": {"kind": "setpoint"},
+        }
+        plan = vff.plan(scene, {"position": position, "orientation": orientation}, paths=1)
+        assert plan.status == "found", (q, plan.message)
+        np.testing.assert_allclose(arm.pose(plan.q[-1])[0], position, atol=1.1e-6)
+
+
+def test_a_gap_of_micrometres_is_told_as_such() -> None:
+    away = vff.plan({**GAP, "obstacles": []}, [4.00002, 0.0])
+    assert away.status == "goal out of reach" and away.gap == pytest.approx(2e-5, rel=1e-2)
+    assert re.search(r"nearer to the goal than (19|20)\.\d\d µm;", away.message)

@@ -19,6 +19,11 @@ const STEPS: usize = 100;
 const STALLED: usize = 6;
 /// Searches from other configurations where that from the present one fails.
 const RESTARTS: usize = 16;
+/// Searches from configurations around one that came so near \[m\], and how far away these are at most: at first \[rad\], and by
+/// which factor less after one that brought nothing.
+const NEARBY: usize = 32;
+const NEAR: f64 = 1e-3;
+const SPREAD: [f64; 2] = [0.3, 0.95];
 /// Halvings of the interval in which a reference gets out of reach.
 const HALVINGS: usize = 40;
 /// The damping per squared error, at first and at most \[1/rad²\].
@@ -230,6 +235,42 @@ impl<const M: usize> Solver<M> {
             }
             if residual.is_reached() {
                 break;
+            }
+        }
+        q.copy_from_slice(&best);
+        self.best = best;
+        self.solve_nearby(robot, q, pose, residual)
+    }
+
+    /// The same from configurations around `q`, if that came near and stays away by `residual`. At the very end of its reach an arm
+    /// gets nearer only with the square of how far it turns about itself, ever more slowly along a bent valley: a search from beside
+    /// that is there sooner.
+    pub(crate) fn solve_nearby<R: Manipulator<D, M>, const D: usize>(
+        &mut self,
+        robot: &mut R,
+        q: &mut [f64],
+        pose: &R::Pose,
+        mut residual: Residual,
+    ) -> Residual {
+        if residual.size(self.length) > NEAR {
+            return residual;
+        }
+        let mut best = std::mem::take(&mut self.best);
+        best.copy_from_slice(q);
+        let [mut spread, shrink] = SPREAD;
+        for _ in 0..NEARBY {
+            if residual.is_reached() {
+                break;
+            }
+            for (q, best) in q.iter_mut().zip(&best) {
+                *q = best + spread * (2.0 * self.noise.share() - 1.0);
+            }
+            let found = self.solve(robot, q, pose);
+            if found.is_reached() || found.size(self.length) < residual.size(self.length) {
+                residual = found;
+                best.copy_from_slice(q);
+            } else {
+                spread *= shrink;
             }
         }
         q.copy_from_slice(&best);

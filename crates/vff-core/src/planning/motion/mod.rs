@@ -5,6 +5,7 @@
 
 mod curve;
 mod free_space;
+mod goals;
 mod levers;
 mod margins;
 mod plan;
@@ -16,7 +17,7 @@ mod why;
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use crate::control::SelfCollision;
 use crate::interrupt;
-use crate::inverse_kinematics::Solver;
+use crate::inverse_kinematics::{Residual, Solver};
 use crate::math::Noise;
 use crate::robot::Manipulator;
 use crate::robot::{Limits, Model, Robot};
@@ -39,7 +40,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::sync::Arc;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
-use why::beyond;
+use why::{beyond, too_far};
 
 /// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.
 const FARTHEST: f64 = 100.0;

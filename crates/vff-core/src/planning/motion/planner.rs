@@ -4,12 +4,6 @@ use super::*;
 
 /// Where the random numbers of planning come from.
 pub(super) const STREAM: u64 = 7;
-/// Configurations from which inverse kinematics is tried, where one is free by then, and at most; and free ones that
-/// are enough.
-const SEEDS: [usize; 2] = [64, 512];
-const GOALS: usize = 8;
-/// Configurations nearer than this are one goal \[rad\].
-const SAME: f64 = 0.1;
 /// Shortcuts that are tried on each path.
 const SHORTCUTS: usize = 200;
 /// What is kept of the margin of the path where corners are rounded, and of what bodies of the arm keep from each other.
@@ -85,10 +79,6 @@ fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds)
     ScenarioError::new(at, Problem::Other(problem))
 }
 
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-}
-
 impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
 where
     S::State: Jointed<D>,
@@ -131,10 +121,9 @@ where
                 Err((f64::INFINITY, why.unwrap_or_default()))
             }
             Goal::Configuration(q) => Ok(vec![q.clone()]),
-            Goal::Pose(pose) => self.configurations(pose, &limits).map_err(|gap| {
-                let why = "no configuration within the joint limits was found nearer to the goal than";
-                (gap, format!("{why} {gap:.3} m; a goal nearer to the arm, or without an orientation, helps"))
-            }),
+            Goal::Pose(pose) => {
+                self.configurations(pose, &limits).map_err(|gap| (gap, too_far(gap)))
+            }
         };
         let candidates = match candidates {
             Ok(candidates) => candidates,
@@ -271,50 +260,6 @@ where
         }
         all.sort_by(|a, b| tree::length(&a.path).total_cmp(&tree::length(&b.path)));
         all
-    }
-
-    /// Free or not, configurations that put the end effector at `pose`, each with its joints as near to the start as
-    /// full turns bring them. If there are none: how far it stays away \[m\].
-    fn configurations(&mut self, pose: &S::Pose, limits: &Limits) -> Result<Vec<Vec<f64>>, f64> {
-        let n = self.start.len();
-        let length = self.arm.characteristic_length();
-        let mut solver = Solver::<M>::new(n, length);
-        let (mut found, mut free): (Vec<Vec<f64>>, usize) = (vec![], 0);
-        let mut nearest = f64::INFINITY;
-        for k in 0..SEEDS[1] {
-            // What was not reached from so many is out of reach.
-            if k >= SEEDS[0] && (free > 0 || found.is_empty()) {
-                break;
-            }
-            let mut q = self.start.clone();
-            if k > 0 {
-                for (i, q) in q.iter_mut().enumerate() {
-                    let [lower, upper] = ranges_of(limits, i);
-                    let [lower, upper] = [lower.max(*q - PI), upper.min(*q + PI)];
-                    *q = lower + (upper - lower) * self.noise.share();
-                }
-            }
-            let residual = solver.solve(self.space.robot(), &mut q, pose);
-            nearest = nearest.min(residual.size(length));
-            if !residual.is_reached() {
-                continue;
-            }
-            for (i, q) in q.iter_mut().enumerate() {
-                if ranges_of(limits, i) == [f64::NEG_INFINITY, f64::INFINITY] {
-                    *q -= TAU * ((*q - self.start[i]) / TAU).round();
-                }
-            }
-            if found.iter().any(|known| apart(known, &q) < SAME) {
-                continue;
-            }
-            free += usize::from(self.space.is_free(&q));
-            found.push(q);
-            if free == GOALS {
-                break;
-            }
-        }
-        found.sort_by(|a, b| apart(a, &self.start).total_cmp(&apart(b, &self.start)));
-        if found.is_empty() { Err(nearest) } else { Ok(found) }
     }
 
     /// What blocks the arm at `q`, which is not free, and its distance \[m\].

@@ -17,6 +17,20 @@ fn mm(length: f64) -> String {
     format!("{:.2} mm", 1e3 * length)
 }
 
+/// A length of any size for people.
+pub fn length(length: f64) -> String {
+    if length < 1e-3 { format!("{:.2} µm", 1e6 * length) } else { format!("{length:.3} m") }
+}
+
+/// Why a pose is not reached that the arm stays away from by `gap` \[m\].
+pub fn too_far(gap: f64) -> String {
+    format!(
+        "no configuration within the joint limits was found nearer to the goal than {}; a goal nearer to the arm, \
+         or without an orientation, helps",
+        length(gap),
+    )
+}
+
 impl Obstruction {
     /// How far they are from each other \[m\].
     pub fn distance(&self) -> f64 {

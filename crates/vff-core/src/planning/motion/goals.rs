@@ -1,0 +1,87 @@
+//! The configurations in which a pose is reached.
+
+use super::*;
+
+/// Configurations from which inverse kinematics is tried, where one is free by then, and at most; and free ones that
+/// are enough.
+const SEEDS: [usize; 2] = [64, 512];
+const GOALS: usize = 8;
+/// Configurations nearer than this are one goal \[rad\].
+const SAME: f64 = 0.1;
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
+where
+    S::State: Jointed<D>,
+{
+    /// Free or not, configurations that put the end effector at `pose`, each with its joints as near to the start as
+    /// full turns bring them. If there are none: how far it stays away \[m\].
+    pub(super) fn configurations(
+        &mut self,
+        pose: &S::Pose,
+        limits: &Limits,
+    ) -> Result<Vec<Vec<f64>>, f64> {
+        let n = self.start.len();
+        let length = self.arm.characteristic_length();
+        let mut solver = Solver::<M>::new(n, length);
+        let (mut found, mut free): (Vec<Vec<f64>>, usize) = (vec![], 0);
+        let mut missed: Vec<(Residual, Vec<f64>)> = vec![];
+        for k in 0..SEEDS[1] {
+            // What was not reached from so many is out of reach, or hard to reach.
+            if k >= SEEDS[0] && (free > 0 || found.is_empty()) {
+                break;
+            }
+            let mut q = self.start.clone();
+            if k > 0 {
+                for (i, q) in q.iter_mut().enumerate() {
+                    let [lower, upper] = ranges_of(limits, i);
+                    let [lower, upper] = [lower.max(*q - PI), upper.min(*q + PI)];
+                    *q = lower + (upper - lower) * self.noise.share();
+                }
+            }
+            let residual = solver.solve(self.space.robot(), &mut q, pose);
+            if !residual.is_reached() {
+                missed.push((residual, q));
+                continue;
+            }
+            self.unwind(&mut q, limits);
+            if found.iter().any(|known| apart(known, &q) < SAME) {
+                continue;
+            }
+            free += usize::from(self.space.is_free(&q));
+            found.push(q);
+            if free == GOALS {
+                break;
+            }
+        }
+        if found.is_empty() {
+            missed.sort_by(|a, b| a.0.size(length).total_cmp(&b.0.size(length)));
+            let mut nearest = f64::INFINITY;
+            for (residual, mut q) in missed.into_iter().take(GOALS) {
+                let left = solver.solve_nearby(self.space.robot(), &mut q, pose, residual);
+                nearest = nearest.min(left.size(length));
+                self.unwind(&mut q, limits);
+                if left.is_reached() && found.iter().all(|known| apart(known, &q) >= SAME) {
+                    found.push(q);
+                }
+            }
+            if found.is_empty() {
+                return Err(nearest);
+            }
+        }
+        found.sort_by(|a, b| apart(a, &self.start).total_cmp(&apart(b, &self.start)));
+        Ok(found)
+    }
+
+    /// Turns joints without limits by full turns until they are as near to the start as that brings them.
+    fn unwind(&self, q: &mut [f64], limits: &Limits) {
+        for (i, q) in q.iter_mut().enumerate() {
+            if ranges_of(limits, i) == [f64::NEG_INFINITY, f64::INFINITY] {
+                *q -= TAU * ((*q - self.start[i]) / TAU).round();
+            }
+        }
+    }
+}
