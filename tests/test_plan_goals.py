@@ -220,3 +220,28 @@ def test_a_gap_of_micrometres_is_told_as_such() -> None:
     away = vff.plan({**GAP, "obstacles": []}, [4.00002, 0.0])
     assert away.status == "goal out of reach" and away.gap == pytest.approx(2e-5, rel=1e-2)
     assert re.search(r"nearer to the goal than (19|20)\.\d\d µm;", away.message)
+
+
+def test_a_tiny_arm_is_looked_at_as_finely() -> None:
+    """A millimetre of arm, and a margin of 0: a fixed 0.02 mm would be a hundredth of it."""
+    scene = {
+        "duration": 1.0,
+        "q0": [-1.9093514696461846, -1.5209266491425049, 0.8773904956763121],
+        "arm": {
+            "lengths": [0.0007973052610087365, 0.00042534053770988786, 0.0005560077747788284],
+            "masses": 1.0,
+        },
+        "reference": {"kind": "setpoint", "point": [-0.0011349538636502353, -0.0009396979611911932]},
+        "obstacles": [
+            {
+                "position": [0.0008414400081111825, -0.0015566189737099567],
+                "angle": 2.872409583478703,
+                "shape": {"kind": "box", "size": [0.0002699315448274132, 0.0003158550546884557]},
+            }
+        ],
+    }
+    goal = [-0.6043417041966244, 1.8623584867745593, 0.17092866378516636]
+    plan = vff.plan(scene, goal, samples=3000, paths=1, margin=0.0)
+    q = plan.at(np.linspace(0.0, plan.duration, 4000))[0]
+    apart = vff.distances(vff.Scenario.from_dict(scene).arm, q, np.zeros_like(q), scene["obstacles"])
+    assert plan.status == "found" and min(plan.clearance, apart.distance.min()) > 0.0

@@ -20,21 +20,14 @@ use std::collections::{HashMap, VecDeque};
 const RESOLUTION: f64 = 0.2;
 const FINEST: f64 = 2e-5;
 const COARSEST: f64 = 5e-3;
+/// At least so fine for an arm of less than 10 cm, as a share of its size: a small one is not to pass through what it touches.
+const FINEST_SHARE: f64 = 2e-4;
 /// A motion that needs shorter parts than this share of it counts as blocked.
 const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
 /// The most of these places.
 const MAX_PLACES: f64 = 64.0;
-
-/// What is certain where a motion was found to keep `margin` \[m\].
-pub fn certain(margin: f64) -> f64 {
-    (margin - finest(margin)).max(0.0)
-}
-
-fn finest(margin: f64) -> f64 {
-    (RESOLUTION * margin).clamp(FINEST, COARSEST)
-}
 
 /// What stands in the way of an arm, and the arm.
 #[derive(Debug, Clone)]
@@ -47,6 +40,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     /// How far the latter go between two of these instants, at most half of it \[m\].
     slack: f64,
     reach: Levers,
+    /// How fine motions are looked at, at most \[m\].
+    finest: f64,
     /// Whether bodies of the arm must not touch each other.
     keeps_apart: bool,
     /// What every link keeps from everything, and bodies of the arm from each other.
@@ -146,6 +141,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         };
         let n = robot.dof();
         Self {
+            finest: FINEST.min(FINEST_SHARE * radius),
             reach,
             robot,
             worlds: worlds.into_iter().map(with_boxes).collect(),
@@ -213,6 +209,15 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         self.limits.fill(limit);
         self.measure(q);
         &self.clearance
+    }
+
+    /// What is certain where a motion was found to keep `margin` \[m\].
+    pub fn certain(&self, margin: f64) -> f64 {
+        (margin - self.resolution(margin)).max(0.0)
+    }
+
+    fn resolution(&self, margin: f64) -> f64 {
+        (RESOLUTION * margin).clamp(self.finest, COARSEST)
     }
 
     /// How far points of `link` go at most while the joints go from `a` to `b` \[m\].
@@ -393,7 +398,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             f64::INFINITY
         };
         let change = drift + straight.min(way * half);
-        if room >= change || change + RESOLUTION * drift <= finest(keeps) {
+        if room >= change || change + RESOLUTION * drift <= self.resolution(keeps) {
             Look::Apart
         } else {
             Look::Near

@@ -30,7 +30,7 @@ use crate::simulation::{System, hide_unseen};
 use crate::trajectory::{Guided, JointSpline, Knots, Peaks, Trajectory};
 use crate::world::World;
 use curve::Curve;
-use free_space::{FreeSpace, Window, certain};
+use free_space::{FreeSpace, Window};
 pub use levers::Jointed;
 use margins::{APART, End, Margins, SHARE};
 pub use plan::{Plan, PlanSettings, PlanStatus};
@@ -40,7 +40,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::sync::Arc;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
-use why::{beyond, too_far};
+use why::{beyond, length, too_far};
 
 /// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.
 const FARTHEST: f64 = 100.0;

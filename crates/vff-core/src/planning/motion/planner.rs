@@ -49,6 +49,15 @@ fn too_tight() -> (PlanStatus, String) {
     (PlanStatus::NotFound, why.to_owned())
 }
 
+/// Why a motion is of no use that is as deep in something as `clearance` says, negative \[m\].
+fn touching(clearance: f64) -> (PlanStatus, String) {
+    let depth = length(-clearance);
+    let why = format!(
+        "there is a motion, and it goes {depth} into something; a margin that is not 0, or another seed, may help"
+    );
+    (PlanStatus::NotFound, why)
+}
+
 /// Which number makes a motion along `path` take this long \[s\].
 fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds) -> ScenarioError {
     let travel =
@@ -203,7 +212,14 @@ where
             let (mut status, mut why) = (PlanStatus::NotFound, String::new());
             for found in &found {
                 match self.timed(&found.path, &limits)? {
-                    Ok(motion) => return Ok(self.finished(motion, found, margins)),
+                    Ok(motion) => {
+                        let plan = self.finished(motion, found, margins);
+                        // What keeps next to nothing may touch within the resolution of its certificate.
+                        if plan.clearance > 0.0 {
+                            return Ok(plan);
+                        }
+                        (status, why) = touching(plan.clearance);
+                    }
                     Err(error) => (status, why) = error,
                 }
             }
@@ -425,7 +441,7 @@ where
             let kept = (0..n).map(|link| {
                 let way = [a, b].map(|end| self.space.way([&middle[0], end], link));
                 let measured = room[link].min(MOST_KEPT) - way[0].max(way[1]);
-                (certain(asked[link]).max(measured) - bulges[link]).max(0.0)
+                (self.space.certain(asked[link]).max(measured) - bulges[link]).max(0.0)
             });
             pieces.push(kept.collect());
         }
