@@ -47,7 +47,7 @@ impl Obstruction {
                 mm(-distance),
             ),
             Self::Obstacle { link, obstacle, distance, .. } => format!(
-                "obstacle {obstacle} passes within the horizon of {} s where {link} is at the {place}, {} into it; \
+                "obstacle {obstacle} passes within the horizon of {} s where {link} is at the {place}, up to {} into it; \
                  a shorter horizon or another {place} helps, a horizon of 0 takes what moves for standing still",
                 horizon.unwrap_or(0.0),
                 mm(-distance),
