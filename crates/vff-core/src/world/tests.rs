@@ -193,11 +193,11 @@ fn links_do_not_find_what_ignores_them() {
                 let visit = |contact: &Contact<2>| {
                     found.push((numbers(contact.obstacle), contact.distance.to_bits()));
                 };
-                world.for_each_contact([body(link)], 0.6, |_, d| least.push(d.to_bits()), visit);
+                world.for_each_contact([body(link)], 2.0, |_, d| least.push(d.to_bits()), visit);
                 let mut pairs = vec![];
                 world.for_each_pair([body(link)], |contact| pairs.push(numbers(contact.obstacle)));
                 let boxes = world.boxes();
-                let within = world.distance_within(&boxes, &body(link), 0.6).to_bits();
+                let within = world.distance_within(&boxes, &body(link), 2.0).to_bits();
                 (found, least, pairs, within)
             };
             let of_all = told(&mut world, &|j| j);
