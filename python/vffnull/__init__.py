@@ -38,7 +38,6 @@ from vffnull._support.representation import drawn_by
 from vffnull.errors import VffNullError
 from vffnull.live import live  # at once: the function takes the place of the package's name
 from vffnull.model.control import ControlSettings, Field
-from vffnull.model.motion import Motion
 from vffnull.model.obstacle import Obstacle
 from vffnull.model.scenario import Scenario, scenarios
 from vffnull.run.result import Film, Metrics, Replan, Result, Status, report
@@ -55,6 +54,7 @@ if TYPE_CHECKING:
     from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
     from vffnull.model.body import Body
+    from vffnull.model.motion import Motion
     from vffnull.model.timing import Histogram
     from vffnull.model.wrench import Wrench
     from vffnull.planning import Plan, PlanStatus, plan
@@ -139,6 +139,7 @@ _LATER = {
     "DriveState": "vffnull.run.drive",
     "Evaluation": "vffnull.run.evaluate",
     "Histogram": "vffnull.model.timing",
+    "Motion": "vffnull.model.motion",
     "PerceptionReport": "vffnull.run.perceive",
     "Plan": "vffnull.planning",
     "PlanStatus": "vffnull.planning",

@@ -254,7 +254,8 @@ impl Controller {
         obstacles: Option<&Bound<'py, PyAny>>,
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array1<'py>> {
-        if self.untimed.swap(t.is_none(), Ordering::Relaxed) && t.is_none() && self.remembers {
+        let untimed = self.untimed.swap(t.is_none(), Ordering::Relaxed) && t.is_none();
+        if untimed && self.remembers && self.with(py, |law| law.phase().is_none())? {
             errors::warn(
                 py,
                 "t: stands still from call to call: `observer` and `tank` learn nothing, so give the time",

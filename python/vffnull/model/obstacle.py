@@ -13,11 +13,12 @@ import vffnull._core as _core
 from vffnull._support.arguments import suggesting
 from vffnull._support.errors import InputError, InputTypeError, ScenarioError
 from vffnull.model.document import Document, frozen, plain
-from vffnull.model.motion import Motion
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
+
+    from vffnull.model.motion import Motion
 
 __all__ = ["Obstacle"]
 

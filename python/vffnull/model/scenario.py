@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import vffnull._core as _core
 from vffnull._support.arguments import suggesting
 from vffnull._support.errors import InputError, InputTypeError, ScenarioError
-from vffnull._support.files import read_text, replacing
 from vffnull.model.arm import arm_of
 from vffnull.model.arm_files import anchored, explicit
 from vffnull.model.document import Document, HasDocument, frozen, get, plain, put
@@ -232,6 +231,8 @@ class Scenario:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the scenario to a TOML file."""
+        from vffnull._support.files import replacing
+
         with replacing(Path(path)) as draft:
             draft.write_text(str(self), encoding="utf-8")
 
@@ -295,6 +296,8 @@ def read(source: str | os.PathLike[str]) -> str:
             f"scenario: expected a name, a path, a dict or a Scenario, not a {type(source).__name__}"
         )
     if name.endswith(".toml"):
+        from vffnull._support.files import read_text
+
         try:
             text = read_text(Path(name))
         except UnicodeDecodeError:

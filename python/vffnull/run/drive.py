@@ -251,8 +251,8 @@ class Drive:
         """Let another controller take over, with other gains, another posture, load or tool.
 
         The torque goes over from one law to the other without a step; while it does, it is a mean of both, so
-        that limits and distances that both keep are kept. Obstacles, reference and loop stay as they are; an
-        energy tank and a look-ahead begin anew. If the last one has not taken over yet, it waits for that.
+        that limits and distances that both keep are kept. Obstacles, reference and loop stay as they are, and
+        so does what an observer and a tank know; a look-ahead begins anew. It waits for the last one.
 
         A load that the arm takes up is a controller for ``arm.with_load(mass)``. A robot that adds the torque
         against gravity itself has to be told of it as well, at the same time. With another tool
@@ -262,7 +262,7 @@ class Drive:
         Parameters
         ----------
         controller : Controller or Scenario
-            The new law, or a scenario that has it: with as many joints, for the same task, with the same
+            The new law, or a scenario that has it: with the same joints, for the same task, with the same
             `command`. Its own obstacles and reference do not count. The drive works on a copy.
         blend : float, optional
             How long the transition takes [s].

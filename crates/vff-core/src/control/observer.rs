@@ -215,14 +215,23 @@ impl MomentumObserver {
         }
     }
 
-    /// Goes on from where another observer is whose arm, `others`, is at the same state as `robot`. Torques that one of these models
-    /// has to exert against gravity and the other has not are from outside for one of them alone (T141).
-    pub fn go_on<R: Robot<D>, const D: usize>(&mut self, other: &Self, robot: &R, others: &R) {
+    /// Goes on from where another observer is, at the same state. Torques that `robot` has to exert against gravity and the model of
+    /// `others` has not are from outside for one of them alone (T141); where the robot adds gravity itself, nothing is.
+    pub fn go_on<R: Robot<D>, const D: usize>(
+        &mut self,
+        other: &Self,
+        robot: &R,
+        others: Option<&R>,
+    ) {
         let is_by_model = [self.source, other.source] == [Source::Momentum; 2];
         let [mut own, mut theirs] = std::mem::take(&mut self.scratch);
-        robot.gravity_torque(&mut own);
-        others.gravity_torque(&mut theirs);
-        self.believe(other, |i| if is_by_model { own[i] - theirs[i] } else { 0.0 });
+        own.fill(0.0);
+        theirs.fill(0.0);
+        if let Some(others) = others.filter(|_| is_by_model) {
+            robot.gravity_torque(&mut own);
+            others.gravity_torque(&mut theirs);
+        }
+        self.believe(other, |i| own[i] - theirs[i]);
         self.scratch = [own, theirs];
         self.measured.copy_from_slice(&other.measured);
         robot.momentum_and_drift(&mut self.momentum, &mut self.drift);

@@ -49,12 +49,20 @@ use std::ops::Deref;
 ///
 /// # See also
 /// [`AnyController`](crate::runtime::AnyController), where a document says which arm and which task.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Controller<R: Manipulator<D, M>, const D: usize, const M: usize> {
     reactive: ReactiveController<R, D, M>,
     preview: Option<Box<Preview<R, D, M>>>,
     /// How long a cycle may take: that of a simulation, unless somebody says otherwise.
     budget: Budget,
+}
+
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Clone for Controller<R, D, M> {
+    #[inline(never)] // compiled once, wherever one is copied
+    fn clone(&self) -> Self {
+        let Self { reactive, preview, budget } = self;
+        Self { reactive: reactive.clone(), preview: preview.clone(), budget: budget.clone() }
+    }
 }
 
 impl<R: Manipulator<D, M>, const D: usize, const M: usize> Deref for Controller<R, D, M> {

@@ -301,10 +301,17 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         controller.hear(Some(&mut self.output), &self.sent, self.acted);
     }
 
-    /// From now on the arm is like `robot`, which becomes the one before.
-    pub fn exchange_robot(&mut self, robot: &mut R) {
+    /// From now on the arm is like `robot`, which becomes the one before, and `controller` says what it carries.
+    pub fn exchange_robot<const M: usize>(
+        &mut self,
+        robot: &mut R,
+        controller: &Controller<R, D, M>,
+    ) where
+        R: Manipulator<D, M> + Clone,
+    {
         swap(&mut self.robot, robot);
         self.is_there = false;
+        controller.write_held(&mut self.carried);
     }
 
     /// Lets the next command of `controller` ask for what can be sent in this cycle, after [`report`](Self::report).

@@ -555,8 +555,8 @@ pub trait ErasedController: Debug + Send {
     fn successor(&self, like: &AnyController) -> Result<AnyController, SuccessionError>;
 
     /// Lets `next`, a [`successor`](Self::successor) of this law, take its place within `duration` \[s\], in which the torque goes over
-    /// from the one to the other without a step; `next` has then what is to be freed. Obstacles, reference and loop stay; a tank and
-    /// a look-ahead begin anew. Whether both have the same tip: if not, references that are given mean another one from now on, and
+    /// from the one to the other without a step; `next` has then what is to be freed. Obstacles, reference and loop stay, and what
+    /// an observer and a tank know; a look-ahead begins anew. Whether both have the same tip: if not, references that are given mean another one from now on, and
     /// where a plan is followed it allocates.
     ///
     /// # Errors

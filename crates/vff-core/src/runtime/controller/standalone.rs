@@ -22,7 +22,7 @@ use crate::simulation::{Replanned, System};
 use crate::trajectory::Sample;
 use crate::world::space::{self, Points};
 use crate::world::{CollisionQuery, Contact, Description, ObstacleGeometry, World};
-use aside::Memory;
+use aside::Aside;
 use nalgebra::DMatrix;
 use std::any::Any;
 use std::mem::swap;
@@ -61,9 +61,9 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     left_out: LeftOut,
     /// Whether the last call came to no good: it was broken off, or its torque is not finite.
     spoilt: bool,
-    /// What the last cycle has left behind, where something else was asked since: the next one goes on from there.
-    memory: Option<Box<Memory<S, D, M>>>,
-    /// Whether that is so, and whether there has been a cycle.
+    /// The other controller of a loop that is watched over: what is asked between two cycles is not asked of that of the loop.
+    aside: Option<Box<Aside<S, D, M>>>,
+    /// Whether that of the loop is the one aside, and whether there has been a cycle.
     is_aside: bool,
     has_cycled: bool,
 }
@@ -301,6 +301,7 @@ where
     }
 
     fn begin_anew(&mut self) {
+        self.come_back();
         self.reset();
         self.left_out = LeftOut::default();
         self.world = World::new(vec![]);
@@ -308,10 +309,13 @@ where
     }
 
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
+        self.come_back();
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
         (self.supervisor, self.has_cycled) = (Some(Box::new(supervisor)), false);
+        self.aside = Some(Aside::like(&self.controller));
         self.period = Some(period);
+        self.reserve();
         self.keep_time();
         self.forget();
         Ok(())
@@ -401,7 +405,7 @@ where
     fn sense(&mut self, tau_ext: &[f64]) {
         assert_eq!(tau_ext.len(), self.dof());
         self.controller.sense(tau_ext);
-        self.memory.iter_mut().for_each(|memory| memory.sense(tau_ext));
+        self.aside.iter_mut().for_each(|aside| aside.sense(tau_ext));
         self.left().into_iter().for_each(|left| left.sense(tau_ext));
     }
 
@@ -489,7 +493,7 @@ where
     }
 
     fn forget(&mut self) {
-        self.is_aside = false;
+        self.come_back();
         self.left_out = LeftOut::default();
         self.controller.reset();
         self.end_fading();

@@ -155,7 +155,7 @@ impl Exchange {
             news: AtomicBool::new(false),
             view: View { places: [place(), place()], latest: AtomicUsize::new(0) },
             rows: Mutex::new(Rows { values: Vec::with_capacity(room), lost: 0 }),
-            measures: AtomicBool::new(false),
+            measures: AtomicBool::new(true), // as long as nobody has asked it
             end: AtomicBool::new(false),
             phase: Mutex::new(Phase::Starting),
             periods: AtomicU64::new(0),

@@ -9,6 +9,7 @@ mod doubts;
 mod driver;
 mod ending;
 mod exchange;
+mod receiving;
 mod reference;
 mod simulated;
 #[cfg(test)]
@@ -27,9 +28,8 @@ use crate::control::output::{BeginError, Clock, Phase};
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use doubts::Doubts;
-use exchange::{Inbox, ROWS, Sighting};
+use exchange::ROWS;
 use reference::Reference;
-use std::mem::swap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -355,7 +355,7 @@ impl Inner {
         }
         let t = state.ok().map(|t| self.time_at(t));
         let time = t.unwrap_or(self.last).max(0.0);
-        self.receive(time);
+        self.receive(time, driver);
         if self.exchange.end.load(Ordering::Acquire) {
             self.end(Ending::Stopped);
         }
@@ -379,50 +379,6 @@ impl Inner {
             clock.take(t, time);
         }
         clock.now()
-    }
-
-    /// Takes over what others have sent.
-    fn receive(&mut self, time: f64) {
-        let Self { exchange, controller, given, has_target, doubts, senses, .. } = self;
-        exchange.receive(|inbox: &mut Inbox| {
-            let Inbox { target, surroundings, points, sightings, law, old } = inbox;
-            if let Some(new) = target.take() {
-                *has_target = true;
-                old.target = given.replace((new, time)).map(|(before, _)| before);
-            }
-            if let Some((mut new, epoch)) = surroundings.take() {
-                controller.exchange(&mut new, epoch.unwrap_or(time));
-                old.surroundings = Some(new);
-            }
-            if !controller.is_succeeding()
-                && let Some((mut next, blend)) = law.take()
-            {
-                let rests = !*has_target;
-                match controller.succeed(&mut next, blend) {
-                    // Where nobody has said where the end effector is to be, its other tip stays where it is, too.
-                    Ok(false) if rests => {
-                        if let Some((reference, since)) = given {
-                            reference.rest_at(|pose| controller.write_pose(pose));
-                            *since = time;
-                        }
-                    }
-                    done => debug_assert!(done.is_ok(), "{done:?}"), // it was tried on the mirror
-                }
-                *senses = controller.senses();
-                old.law = Some(next);
-            }
-            for (j, points) in &mut *points {
-                // They were tried on the mirror, which is among the same obstacles.
-                let swapped = controller.swap_points(*j, points);
-                debug_assert!(swapped.is_ok(), "{swapped:?}");
-            }
-            swap(points, &mut old.points);
-            let dimension = controller.dimension();
-            for Sighting { obstacle, position, velocity } in sightings.drain(..) {
-                let [position, velocity] = [&position, &velocity].map(|x| &x[..dimension]);
-                doubts.add(obstacle, time, controller.place(obstacle, time, position, velocity));
-            }
-        });
     }
 
     /// What the state comes to, if there is one.

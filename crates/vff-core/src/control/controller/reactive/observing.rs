@@ -1,8 +1,8 @@
 //! What the controller knows by its observer, what it does about it, and how another one takes that over.
 
 use super::ReactiveController;
-use crate::control::Output;
 use crate::control::observer::Answer;
+use crate::control::{Gravity, Output};
 use crate::math::{Pose, Vector};
 use crate::robot::Manipulator;
 
@@ -72,9 +72,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn take_over(&mut self, of: &Self) {
         self.believe(of);
         if let (Some(observer), Some(other)) = (&mut self.observer, &of.observer) {
-            observer.go_on(other, &self.robot, &of.robot);
+            let is_ours = self.gains.command.gravity == Gravity::Controller;
+            observer.go_on(other, &self.robot, is_ours.then_some(&of.robot));
             self.answer();
         }
+        self.law.torque.copy_from(&of.law.torque); // what acts until the next command
         match &mut self.reaction {
             Some(reaction) if self.robot.pose().error(&of.robot.pose()).norm() >= SAME_TIP => {
                 reaction.forget();

@@ -1,23 +1,29 @@
-//! What is asked between the cycles of a loop: the next cycle goes on from the one before.
+//! What is asked between the cycles of a loop is asked of another controller, so that the next cycle goes on from the one before.
 
 use super::super::fading::Fading;
-use super::super::followed::Followed;
 use super::Standalone;
 use crate::control::Controller;
+use crate::robot::Robot;
 use crate::simulation::System;
 use std::mem::swap;
 
-/// What of a controller a call changes.
+/// The controller that is not asked now: that of the loop, or one like it.
 #[derive(Debug, Clone)]
-pub(super) struct Memory<S: System<D, M>, const D: usize, const M: usize> {
-    controller: Controller<S::State, D, M>,
-    fading: Option<Box<Fading<S, D, M>>>,
-    followed: Option<Box<Followed<S, D, M>>>,
+pub(super) struct Aside<S: System<D, M>, const D: usize, const M: usize> {
+    pub(super) controller: Controller<S::State, D, M>,
+    pub(super) fading: Option<Box<Fading<S, D, M>>>,
+    /// When that of the loop was called last \[s\], and whether that came to no good.
     last: Option<f64>,
     spoilt: bool,
 }
 
-impl<S: System<D, M>, const D: usize, const M: usize> Memory<S, D, M> {
+impl<S: System<D, M>, const D: usize, const M: usize> Aside<S, D, M> {
+    /// One like `controller`. Allocates.
+    pub(super) fn like(controller: &Controller<S::State, D, M>) -> Box<Self> {
+        let controller = controller.clone();
+        Box::new(Self { controller, fading: None, last: None, spoilt: false })
+    }
+
     /// What the robot measures is for the next cycle.
     pub(super) fn sense(&mut self, tau_ext: &[f64]) {
         self.controller.sense(tau_ext);
@@ -28,28 +34,33 @@ impl<S: System<D, M>, const D: usize, const M: usize> Memory<S, D, M> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
-    /// Something else than the next cycle is asked of a loop that is watched over: what the last one has left behind is kept. Allocates.
+    /// Something else than the next cycle is asked of a loop that is watched over: of a controller that knows what that of the loop
+    /// knows by its observer. A law that is being left has no part in it.
     pub(super) fn step_aside(&mut self) {
-        if self.is_aside || !self.has_cycled || self.supervisor.is_none() {
+        let Some(aside) = self.aside.as_mut().filter(|_| self.has_cycled && !self.is_aside) else {
             return;
+        };
+        swap(&mut self.controller, &mut aside.controller);
+        swap(&mut self.fading, &mut aside.fading);
+        (aside.last, aside.spoilt) = (self.last, self.spoilt);
+        let of = &aside.controller;
+        if self.spoilt {
+            self.controller.reset();
+            self.spoilt = false;
+        } else {
+            let (q, dq) = (of.robot().configuration(), of.robot().velocity());
+            self.controller.observe(q, dq, &mut self.world);
+            self.controller.take_over(of);
         }
-        self.memory = Some(Box::new(Memory {
-            controller: self.controller.clone(),
-            fading: self.fading.clone(),
-            followed: self.followed.clone(),
-            last: self.last,
-            spoilt: self.spoilt,
-        }));
         self.is_aside = true;
     }
 
-    /// Goes on from what the last cycle has left behind. Frees nothing: that is for whoever asks something else again.
+    /// Goes on from what the last cycle has left behind.
     pub(super) fn come_back(&mut self) {
-        if let Some(memory) = self.memory.as_mut().filter(|_| self.is_aside) {
-            swap(&mut self.controller, &mut memory.controller);
-            swap(&mut self.fading, &mut memory.fading);
-            swap(&mut self.followed, &mut memory.followed);
-            (self.last, self.spoilt) = (memory.last, memory.spoilt);
+        if let Some(aside) = self.aside.as_mut().filter(|_| self.is_aside) {
+            swap(&mut self.controller, &mut aside.controller);
+            swap(&mut self.fading, &mut aside.fading);
+            (self.last, self.spoilt) = (aside.last, aside.spoilt);
             self.is_aside = false;
         }
     }

@@ -35,7 +35,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             period: None,
             left_out: LeftOut::default(),
             spoilt: false,
-            memory: None,
+            aside: None,
             is_aside: false,
             has_cycled: false,
             settings,
@@ -91,7 +91,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// Lets the cycles of the law end in time.
     pub(super) fn keep_time(&mut self) {
-        self.controller.keep_to(Budget::of_loop(self.settings.deadline, self.period));
+        let aside = self.aside.as_mut().map(|aside| &mut aside.controller);
+        for controller in std::iter::once(&mut self.controller).chain(aside) {
+            controller.keep_to(Budget::of_loop(self.settings.deadline, self.period));
+        }
     }
 
     /// No law is being left any more.
@@ -126,14 +129,20 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// Allocates all that the next torques need among these obstacles.
     pub(super) fn reserve(&mut self) {
-        self.come_back();
         self.placed.resize(self.world.len(), None);
-        self.controller.reserve(&self.world);
-        if let Some(fading) = &mut self.fading {
-            fading.controller.reserve(&self.world);
+        let Self { controller, aside, fading, followed, world, .. } = self;
+        let (other, left) = match aside.as_deref_mut() {
+            Some(aside) => (Some(&mut aside.controller), aside.fading.as_mut()),
+            None => (None, None),
+        };
+        for fading in fading.iter_mut().chain(left) {
+            fading.controller.reserve(world);
         }
-        if let Some(followed) = &self.followed {
-            followed.reserve(&mut self.controller);
+        for controller in std::iter::once(controller).chain(other) {
+            controller.reserve(world);
+            if let Some(followed) = followed {
+                followed.reserve(controller);
+            }
         }
     }
 }

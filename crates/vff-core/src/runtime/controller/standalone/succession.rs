@@ -3,6 +3,7 @@
 use super::super::SuccessionError;
 use super::super::fading::Fading;
 use super::Standalone;
+use super::aside::Aside;
 use crate::control::output::BeginError;
 use crate::robot::{Model, Robot};
 use crate::simulation::System;
@@ -22,10 +23,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&like.settings, period))?;
         let mut next = like.clone();
+        next.controller.reset(); // what it has been through is not of this loop
         next.fits(self.world.barrier_count())?;
         next.world = self.world.clone();
         (next.supervisor, next.spoilt) = (None, false);
-        (next.memory, next.is_aside, next.has_cycled) = (None, false, false);
+        (next.is_aside, next.has_cycled) = (false, false);
+        next.aside = self.aside.is_some().then(|| Aside::like(&next.controller));
         next.fading = Some(Box::new(Fading::room(&next.controller)));
         next.followed.clone_from(&self.followed);
         next.reserve();
@@ -57,6 +60,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         swap(&mut self.arm, &mut next.arm);
         swap(&mut self.settings, &mut next.settings);
         swap(&mut self.reach, &mut next.reach);
+        swap(&mut self.aside, &mut next.aside);
         self.left_out = self.left_out.with(fading.controller.left_out());
         self.keep_time();
         let Self { controller, world, supervisor, .. } = self;
@@ -64,7 +68,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         controller.observe(before.robot().configuration(), before.robot().velocity(), world);
         controller.take_over(before);
         if let Some(supervisor) = supervisor {
-            supervisor.exchange_robot(&mut fading.robots[0]);
+            supervisor.exchange_robot(&mut fading.robots[0], controller);
         }
         fading.controller.share_cycle(2);
         let is_same = fading.begin(controller, duration);
