@@ -149,7 +149,10 @@ class Arm:
         com : (3,) array_like, optional
             Its centre of mass in the frame of the tool [m]; at the tip by default, and always in the plane.
         inertia : (6,) array_like, optional
-            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point by default.
+            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point's by default.
+        shapes : sequence of dict, optional
+            What of it can touch something, each a ``shape`` as in ``[[arm.collision]]`` but in the frame of
+            the tool. They say `com` and `inertia` by default, as of one material. In space alone.
 
         Raises
         ------
@@ -158,9 +161,9 @@ class Arm:
 
         Examples
         --------
-        >>> panda = Arm.named("panda")
-        >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
-        1.5
+        >>> carries = Arm.named("panda").with_load(1.5, shapes=[{"kind": "sphere", "radius": 0.05}])
+        >>> carries.collision[-1][0]
+        'panda_link7'
         """
 
     def with_tool(self, position: ArrayLike, orientation: ArrayLike | None = None) -> Arm:
@@ -591,7 +594,8 @@ class Controller:
         obstacles : sequence of Obstacle or dict, optional
             What to keep away from; nothing by default.
         t : float, optional
-            Time [s] at which the obstacles' motions are taken.
+            Time [s] at which the obstacles' motions are taken, and by which `observer` and `tank` go on: in a loop
+            with these it has to be given.
 
         Returns
         -------
@@ -1625,7 +1629,9 @@ class SimulatedRobot:
     def __new__(cls, scenario: _Scenario, rate: float = 1000.0, arm: Arm | None = None) -> SimulatedRobot: ...
     @property
     def gravity(self) -> str:
-        """Who adds the torque against gravity: ``"robot"`` with an `arm`, else ``"controller"``."""
+        """Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command`` says
+        so, else ``"controller"``.
+        """
     def read(self) -> tuple[float, _Array, _Array]:
         """Time, and joint positions and velocities as they are measured.
 
@@ -1681,7 +1687,7 @@ class DriveLoop:
     def set_obstacles(self, obstacles: Sequence[_Document], t: float | None = None) -> None:
         """Other obstacles from now on, whose motions begin at time `t` of the drive, or now."""
     def set_controller(self, controller: Controller | _Scenario, blend: float) -> None:
-        """Another controller takes over within `blend` [s], among the obstacles of the drive."""
+        """Another controller, or that of a scenario, takes over within `blend` [s]; obstacles stay."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
     def update_points(
