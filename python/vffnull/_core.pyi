@@ -594,8 +594,8 @@ class Controller:
         obstacles : sequence of Obstacle or dict, optional
             What to keep away from; nothing by default.
         t : float, optional
-            Time [s] at which the obstacles' motions are taken, and by which `observer` and `tank` go on: in a loop
-            with these it has to be given.
+            Time [s] at which the obstacles' motions are taken, and by which `observer` and `tank` go on: in a
+            loop with these it has to be given.
 
         Returns
         -------
@@ -1629,8 +1629,8 @@ class SimulatedRobot:
     def __new__(cls, scenario: _Scenario, rate: float = 1000.0, arm: Arm | None = None) -> SimulatedRobot: ...
     @property
     def gravity(self) -> str:
-        """Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command`` says
-        so, else ``"controller"``.
+        """Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command``
+        says so, else ``"controller"``.
         """
     def read(self) -> tuple[float, _Array, _Array]:
         """Time, and joint positions and velocities as they are measured.

@@ -225,8 +225,8 @@ impl Controller {
     /// obstacles : sequence of Obstacle or dict, optional
     ///     What to keep away from; nothing by default.
     /// t : float, optional
-    ///     Time [s] at which the obstacles' motions are taken, and by which `observer` and `tank` go on: in a loop
-    ///     with these it has to be given.
+    ///     Time [s] at which the obstacles' motions are taken, and by which `observer` and `tank` go on: in a
+    ///     loop with these it has to be given.
     ///
     /// Returns
     /// -------

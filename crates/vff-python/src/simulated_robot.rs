@@ -83,8 +83,8 @@ impl SimulatedRobot {
         Ok(Self { inner: Arc::new(Mutex::new(inner)), n, weightless })
     }
 
-    /// Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command`` says
-    /// so, else ``"controller"``.
+    /// Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command``
+    /// says so, else ``"controller"``.
     #[getter]
     fn gravity(&self) -> &'static str {
         if self.weightless { "robot" } else { "controller" }

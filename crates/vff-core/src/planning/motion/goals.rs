@@ -13,6 +13,17 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
+/// The nearest first; compiled once, whatever the task.
+#[inline(never)]
+fn sort_by_distance<T>(all: &mut [(f64, T)]) {
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+}
+
+#[inline(never)]
+fn sort_around(start: &[f64], all: &mut [Vec<f64>]) {
+    all.sort_by(|a, b| apart(a, start).total_cmp(&apart(b, start)));
+}
+
 impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
 where
     S::State: Jointed<D>,
@@ -28,7 +39,7 @@ where
         let length = self.arm.characteristic_length();
         let mut solver = Solver::<M>::new(n, length);
         let (mut found, mut free): (Vec<Vec<f64>>, usize) = (vec![], 0);
-        let mut missed: Vec<(Residual, Vec<f64>)> = vec![];
+        let mut missed: Vec<(f64, (Residual, Vec<f64>))> = vec![];
         for k in 0..SEEDS[1] {
             // What was not reached from so many is out of reach, or hard to reach.
             if k >= SEEDS[0] && (free > 0 || found.is_empty()) {
@@ -44,7 +55,7 @@ where
             }
             let residual = solver.solve(self.space.robot(), &mut q, pose);
             if !residual.is_reached() {
-                missed.push((residual, q));
+                missed.push((residual.size(length), (residual, q)));
                 continue;
             }
             self.unwind(&mut q, limits);
@@ -58,9 +69,9 @@ where
             }
         }
         if found.is_empty() {
-            missed.sort_by(|a, b| a.0.size(length).total_cmp(&b.0.size(length)));
+            sort_by_distance(&mut missed);
             let mut nearest = f64::INFINITY;
-            for (residual, mut q) in missed.into_iter().take(GOALS) {
+            for (_, (residual, mut q)) in missed.into_iter().take(GOALS) {
                 let left = solver.solve_nearby(self.space.robot(), &mut q, pose, residual);
                 nearest = nearest.min(left.size(length));
                 self.unwind(&mut q, limits);
@@ -72,7 +83,7 @@ where
                 return Err(nearest);
             }
         }
-        found.sort_by(|a, b| apart(a, &self.start).total_cmp(&apart(b, &self.start)));
+        sort_around(&self.start, &mut found);
         Ok(found)
     }
 
