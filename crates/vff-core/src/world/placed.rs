@@ -21,6 +21,13 @@ impl Carrier {
     }
 }
 
+/// Whether a carrier is one of these links, or the load that is the last of them.
+#[inline(never)] // few are asked
+fn is_among(ignored: &[bool], Carrier { link, is_load }: Carrier) -> bool {
+    let Some((load, links)) = ignored.split_last() else { return false };
+    if is_load { *load } else { links.get(link).is_some_and(|it| *it) }
+}
+
 /// What goes no faster rests, if it does not turn \[m/s\].
 const SLOW: f64 = 0.01;
 
@@ -80,16 +87,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
     /// Whether what `carrier` carries is not measured against it.
     #[inline]
     pub(super) fn is_ignored_by(&self, carrier: Carrier) -> bool {
-        match self.ignored.split_last() {
-            None => false,
-            Some((load, links)) => {
-                if carrier.is_load {
-                    *load
-                } else {
-                    links.get(carrier.link).is_some_and(|it| *it)
-                }
-            }
-        }
+        !self.ignored.is_empty() && is_among(&self.ignored, carrier)
     }
 
     /// Whether it neither moves nor turns, nor any part of it.
