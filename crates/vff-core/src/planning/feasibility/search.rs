@@ -156,11 +156,8 @@ impl<C: Chain<D, M>, S: ObstacleGeometry<D>, const D: usize, const M: usize> Sea
             select(&mut found, width, &mut random);
             layers.push(found);
         }
-        let mut ends: Vec<usize> = (0..layers[self.pieces].len()).collect();
-        ends.sort_by(|&a, &b| {
-            layers[self.pieces][b].score.total_cmp(&layers[self.pieces][a].score)
-        });
-        ends.into_iter()
+        best_first(&layers[self.pieces])
+            .into_iter()
             .take(8)
             .map(|end| trace(&layers, end))
             .find(|motion| self.is_clear(motion, hold))
@@ -355,6 +352,14 @@ fn time(k: usize, parts: usize) -> f64 {
 
 fn index(random: &mut ChaCha8Rng, count: usize) -> usize {
     random.next_u32() as usize % count
+}
+
+/// Numbers of the motions, the best first; compiled once, whatever the task.
+#[inline(never)]
+fn best_first(ends: &[Node]) -> Vec<usize> {
+    let mut numbers: Vec<usize> = (0..ends.len()).collect();
+    numbers.sort_by(|&a, &b| ends[b].score.total_cmp(&ends[a].score));
+    numbers
 }
 
 /// Keeps `width` of the motions: half the best, half any.

@@ -274,7 +274,7 @@ where
                 break;
             }
         }
-        all.sort_by(|a, b| tree::length(&a.path).total_cmp(&tree::length(&b.path)));
+        tree::sort_by_length(&mut all);
         all
     }
 
