@@ -484,7 +484,7 @@ impl Scenario {
             }
         }
         if let Some(settings) = &self.replan {
-            let knows = self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal);
+            let knows = self.knows_obstacles();
             let rests = S::plan(&scene.reference).is_some_and(|plan| plan.rest_between());
             let problem = match (S::comes_to_rest(&scene.reference), rests, knows) {
                 (false, ..) => {
@@ -535,13 +535,18 @@ impl Scenario {
         validate::size(&self.controller, n, barriers, copies)
             .map_err(|error| error.inside("controller"))
     }
+
+    /// Whether the controller knows the obstacles, and does not see points of them.
+    fn knows_obstacles(&self) -> bool {
+        self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal)
+    }
+
     /// Whether the controller knows which obstacle is which, if this one is to be ignored by some links.
     fn knows_what_is_ignored<const D: usize>(
         &self,
         obstacle: &impl Description<D>,
     ) -> Result<(), ScenarioError> {
-        let knows = self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal);
-        if knows || obstacle.ignored().is_empty() {
+        if self.knows_obstacles() || obstacle.ignored().is_empty() {
             return Ok(());
         }
         let problem = "needs obstacles that are known, without `perception`: points do not say whose they are";

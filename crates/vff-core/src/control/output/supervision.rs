@@ -239,6 +239,11 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.output.sent()
     }
 
+    /// Whether there has been a cycle.
+    pub fn has_sent(&self) -> bool {
+        self.has_sent
+    }
+
     /// What the last cycle came to.
     pub fn phase(&self) -> Phase {
         self.phase

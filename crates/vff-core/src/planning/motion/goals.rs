@@ -9,10 +9,6 @@ const GOALS: usize = 8;
 /// Configurations nearer than this are one goal \[rad\].
 const SAME: f64 = 0.1;
 
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-}
-
 /// The nearest first; compiled once, whatever the task.
 #[inline(never)]
 fn sort_by_distance<T>(all: &mut [(f64, T)]) {
@@ -21,7 +17,7 @@ fn sort_by_distance<T>(all: &mut [(f64, T)]) {
 
 #[inline(never)]
 fn sort_around(start: &[f64], all: &mut [Vec<f64>]) {
-    all.sort_by(|a, b| apart(a, start).total_cmp(&apart(b, start)));
+    all.sort_by(|a, b| tree::distance(a, start).total_cmp(&tree::distance(b, start)));
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
@@ -59,7 +55,7 @@ where
                 continue;
             }
             self.unwind(&mut q, limits);
-            if found.iter().any(|known| apart(known, &q) < SAME) {
+            if found.iter().any(|known| tree::distance(known, &q) < SAME) {
                 continue;
             }
             free += usize::from(self.space.is_free(&q));
@@ -75,7 +71,8 @@ where
                 let left = solver.solve_nearby(self.space.robot(), &mut q, pose, residual);
                 nearest = nearest.min(left.size(length));
                 self.unwind(&mut q, limits);
-                if left.is_reached() && found.iter().all(|known| apart(known, &q) >= SAME) {
+                if left.is_reached() && found.iter().all(|known| tree::distance(known, &q) >= SAME)
+                {
                     found.push(q);
                 }
             }

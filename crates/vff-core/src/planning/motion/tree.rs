@@ -35,7 +35,8 @@ enum Step {
     Reached(usize),
 }
 
-fn distance(a: &[f64], b: &[f64]) -> f64 {
+/// How far two configurations are from each other.
+pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 

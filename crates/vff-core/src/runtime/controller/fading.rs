@@ -2,7 +2,7 @@
 //! keep: limits of torque and rate, and the distances of barriers.
 
 use crate::control::{Controller, Gravity};
-use crate::math::{Pose, smoothstep};
+use crate::math::smoothstep;
 use crate::robot::Robot;
 use crate::simulation::System;
 use crate::trajectory::Sample;
@@ -35,7 +35,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Fading<S, D, M> {
 
     /// Begins to leave it for `next`, which is at the same state, within `duration` \[s\]. Whether both have the same tip.
     pub(super) fn begin(&mut self, next: &Controller<S::State, D, M>, duration: f64) -> bool {
-        let is_same = next.pose().error(&self.controller.pose()).norm() < 1e-9;
+        let is_same = next.has_tip_of(&self.controller);
         self.last = (!is_same).then(|| *self.controller.reference());
         self.times = Some([0.0, duration]);
         is_same

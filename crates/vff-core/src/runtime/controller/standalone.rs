@@ -63,9 +63,8 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     spoilt: bool,
     /// The other controller of a loop that is watched over: what is asked between two cycles is not asked of that of the loop.
     aside: Option<Box<Aside<S, D, M>>>,
-    /// Whether that of the loop is the one aside, and whether there has been a cycle.
+    /// Whether that of the loop is the one aside.
     is_aside: bool,
-    has_cycled: bool,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
@@ -312,7 +311,7 @@ where
         self.come_back();
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
-        (self.supervisor, self.has_cycled) = (Some(Box::new(supervisor)), false);
+        self.supervisor = Some(Box::new(supervisor));
         self.aside = Some(Aside::like(&self.controller));
         self.period = Some(period);
         self.reserve();
@@ -348,7 +347,7 @@ where
             Some(_) => supervisor.rest(),
             None => supervisor.miss(),
         };
-        (self.supervisor, self.has_cycled) = (Some(supervisor), true);
+        self.supervisor = Some(supervisor);
         Ok(phase)
     }
 

@@ -289,7 +289,7 @@ mod tests {
     use crate::robot::description::{LinkShape, PlacedShape};
     use crate::robot::models;
     use crate::simulation::Camera;
-    use crate::world::Motion;
+    use crate::world::space::oracle::fixed;
     use crate::world::space::{Obstacle, Shape};
     use proptest::prelude::*;
     use std::sync::Arc;
@@ -302,21 +302,8 @@ mod tests {
         state
     }
 
-    fn obstacle(shape: Shape, position: [f64; 3]) -> Obstacle {
-        let orientation = [1.0, 0.0, 0.0, 0.0];
-        let angular_velocity = [0.0; 3];
-        Obstacle {
-            shape,
-            position,
-            orientation,
-            angular_velocity,
-            motion: Motion::default(),
-            ignore: vec![],
-        }
-    }
-
     fn ball(radius: f64, position: [f64; 3]) -> Obstacle {
-        obstacle(Shape::Sphere { radius }, position)
+        fixed(Shape::Sphere { radius }, position)
     }
 
     fn around(obstacles: Vec<Obstacle>, settings: &PerceptionSettings) -> SpatialPerception {
@@ -400,7 +387,7 @@ mod tests {
     /// Of a wall across the view, every pixel has a point at its own place, the first at the upper left.
     #[test]
     fn a_picture_of_a_wall() {
-        let wall = obstacle(Shape::HalfSpace { normal: [-1.0, 0.0, 0.0] }, [4.0, 0.0, 0.0]);
+        let wall = fixed(Shape::HalfSpace { normal: [-1.0, 0.0, 0.0] }, [4.0, 0.0, 0.0]);
         let perception = around(vec![wall], &camera([2.0, 3.0, 1.0]));
         let half = 2.0 * 0.6_f64.tan(); // of the picture on the wall, 2 m away
         for (k, point) in perception.seen().iter().enumerate() {
@@ -519,7 +506,7 @@ mod tests {
             normal[axis] = 1.0;
             let mut position = <[f64; 3]>::from(middle);
             position[axis] -= capsule.radius + 0.5 * capsule.length + gap;
-            obstacle(Shape::HalfSpace { normal }, position)
+            fixed(Shape::HalfSpace { normal }, position)
         };
         let many = PerceptionSettings { sensors: 8, around: Some(16), rays: 25, ..on_links() };
         let one = contacts(&mut around(vec![wall(0, 0.10)], &many), 0.8);

@@ -43,6 +43,7 @@ impl PlanarGeometry {
 
 #[cfg(test)]
 mod tests {
+    use super::super::oracle::fixed;
     use super::super::{Obstacle, Shape, World};
     use crate::geometry::Body;
     use crate::math::{Capsule, Vector};
@@ -51,14 +52,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn world(shape: Shape, position: [f64; 2], angle: f64) -> World {
-        World::new(vec![Obstacle {
-            shape,
-            position,
-            angle,
-            angular_velocity: 0.0,
-            motion: Motion::default(),
-            ignore: vec![],
-        }])
+        World::new(vec![fixed(shape, position, angle)])
     }
 
     proptest! {

@@ -1,7 +1,7 @@
 //! What the controller knows by its observer, what it does about it, and how another one takes that over.
 
 use super::ReactiveController;
-use crate::control::observer::Answer;
+use crate::control::observer::{Answer, MomentumObserver};
 use crate::control::{Gravity, Output};
 use crate::math::{Pose, Vector};
 use crate::robot::Manipulator;
@@ -54,8 +54,17 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Takes over what another controller of this arm knows by its observer.
     pub fn believe(&mut self, of: &Self) {
+        self.believe_by(of, |observer, other, _| observer.believe(other, |_| 0.0));
+    }
+
+    /// The same, where `take` says how the observer does so, whose arm is there.
+    fn believe_by(
+        &mut self,
+        of: &Self,
+        take: impl FnOnce(&mut MomentumObserver, &MomentumObserver, &R),
+    ) {
         if let (Some(observer), Some(other)) = (&mut self.observer, &of.observer) {
-            observer.believe(other, |_| 0.0);
+            take(observer, other, &self.robot);
             if let (Some(reaction), Some(other)) = (&mut self.reaction, &of.reaction) {
                 reaction.believe(other);
             }
@@ -70,22 +79,23 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// a task that is stopped. The arms may carry different things; where they have different tips, what the other task has given
     /// way by is forgotten.
     pub fn take_over(&mut self, of: &Self) {
-        self.believe(of);
-        if let (Some(observer), Some(other)) = (&mut self.observer, &of.observer) {
-            let is_ours = self.gains.command.gravity == Gravity::Controller;
-            observer.go_on(other, &self.robot, is_ours.then_some(&of.robot));
-            self.answer();
-        }
+        let is_ours = self.gains.command.gravity == Gravity::Controller;
+        let others = is_ours.then_some(&of.robot);
+        self.believe_by(of, |observer, other, robot| observer.go_on(other, robot, others));
         self.law.torque.copy_from(&of.law.torque); // what acts until the next command
+        let has_same_tip = self.has_tip_of(of);
         match &mut self.reaction {
-            Some(reaction) if self.robot.pose().error(&of.robot.pose()).norm() >= SAME_TIP => {
-                reaction.forget();
-            }
+            Some(reaction) if !has_same_tip => reaction.forget(),
             _ => self.reference = of.reference, // from where a stopped task counts how far it goes on
         }
         if let (Some(tank), Some(other)) = (&mut self.tank, &of.tank) {
             tank.take_over(other);
         }
+    }
+
+    /// Whether it leads the same tip as another controller that is at the same state.
+    pub fn has_tip_of(&self, other: &Self) -> bool {
+        self.robot.pose().error(&other.robot.pose()).norm() < SAME_TIP
     }
 
     /// Lets the observer, if there is one that follows this, know what the robot measures of the torque from outside \[N·m, N\],

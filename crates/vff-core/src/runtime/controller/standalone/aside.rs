@@ -37,7 +37,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// Something else than the next cycle is asked of a loop that is watched over: of a controller that knows what that of the loop
     /// knows by its observer. A law that is being left has no part in it.
     pub(super) fn step_aside(&mut self) {
-        let Some(aside) = self.aside.as_mut().filter(|_| self.has_cycled && !self.is_aside) else {
+        let has_cycled = self.supervisor.as_ref().is_some_and(|supervisor| supervisor.has_sent());
+        let Some(aside) = self.aside.as_mut().filter(|_| has_cycled && !self.is_aside) else {
             return;
         };
         swap(&mut self.controller, &mut aside.controller);

@@ -37,7 +37,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             spoilt: false,
             aside: None,
             is_aside: false,
-            has_cycled: false,
             settings,
         };
         this.keep_time();

@@ -26,8 +26,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         next.controller.reset(); // what it has been through is not of this loop
         next.fits(self.world.barrier_count())?;
         next.world = self.world.clone();
-        (next.supervisor, next.spoilt) = (None, false);
-        (next.is_aside, next.has_cycled) = (false, false);
+        (next.supervisor, next.spoilt, next.is_aside) = (None, false, false);
         next.aside = self.aside.is_some().then(|| Aside::like(&next.controller));
         next.fading = Some(Box::new(Fading::room(&next.controller)));
         next.followed.clone_from(&self.followed);
