@@ -138,6 +138,30 @@ def test_the_pieces_move_as_one(several: Enclosure) -> None:
     assert vff.simulate(scenario).status == "completed"
 
 
+def test_bodies_are_pieces_and_round_ones_are_halved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two balls in one file and a speck beside: nothing to cut, and more pieces come nearer to them."""
+    monkeypatch.setattr("vffnull.arms._pieces._cut", lambda *_: pytest.fail("there is no hollow"))
+    balls = [trimesh.creation.icosphere(subdivisions=4, radius=r) for r in (0.06, 0.03)]
+    balls[1].apply_translation([0.2, 0.0, 0.0])
+    speck = trimesh.creation.box([2e-3, 2e-3, 2e-3])
+    speck.apply_translation([0.0, 0.0, 0.061])
+    mesh = trimesh.util.concatenate([*balls, speck])
+    path = saved(mesh, tmp_path)
+    one, two, six, many = (enclose(path, count) for count in (1, 2, 6, 20))
+    assert [len(each.hulls) for each in (one, two, six, many)] == [1, 2, 6, 20]
+    assert one.volume > 1.5 * two.volume > 1.5 * six.volume
+    excess = []
+    points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)
+    for found in (two, six, many):
+        assert found.protrusion < 1e-12
+        assert np.min([beyond_each(corners, points) for corners in found.hulls], axis=0).max() < 1e-9
+        corners = np.vstack(found.hulls)
+        large, small = (np.linalg.norm(corners - [x, 0.0, 0.0], axis=1) for x in (0.0, 0.2))
+        excess.append(float(np.minimum(large - 0.06, small - 0.03).max()))
+    # Corners stand out of a ball: those of halves less, but for the speck, which is 2 mm high.
+    assert excess[0] > 4e-3 > excess[2]
+
+
 ARM = """<robot name="hook"><link name="base"/>
 <link name="hook"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"/></inertial>
 <collision><origin xyz="0.1 0 0"/><geometry><mesh filename="mesh.stl"/></geometry></collision></link>

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vffnull._support.extras import extra
 
-__all__ = ["CORNERS", "Hull", "simplified"]
+__all__ = ["CORNERS", "Hull", "halves", "simplified"]
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ WIDER = 1e-7
 
 
 class Hull:
-    """The convex hull of points (·, 3) [m]: its corners and planes.
+    """The convex hull of points (·, 3) [m]: its corners, edges and planes.
 
     Raises
     ------
@@ -33,6 +33,8 @@ class Hull:
     def __init__(self, points: Array) -> None:
         made = extra("scipy.spatial", "meshes").ConvexHull(points)
         self.corners: Array = points[made.vertices]
+        # Ends of edges (·, 2, 3), each twice.
+        self.edges: Array = points[made.simplices[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)]
         self.planes: Array = made.equations  # normal·x + offset ≤ 0 within
         self.volume = float(made.volume)
 
@@ -63,3 +65,28 @@ def simplified(hull: Hull) -> Hull:
         farthest = corners[np.argmax(hull.outside(corners))]
         beyond = planes[:, :3] @ farthest + planes[:, 3]
         chosen = np.vstack([chosen, planes[np.argmax(beyond)]])
+
+
+def halves(hull: Hull, overlap: float) -> tuple[Hull, Hull] | None:
+    """A hull cut in the middle of where it is longest, across: two that overlap by a length [m].
+
+    Nothing of one that is not twice as long as that.
+    """
+    mean = hull.corners.mean(axis=0)
+    along = np.linalg.svd(hull.corners - mean, full_matrices=False)[2][0]
+    heights = (hull.corners - mean) @ along
+    middle = (heights.min() + heights.max()) / 2.0
+    if np.ptp(heights) <= 2.0 * overlap:
+        return None
+    middle += float(mean @ along)
+    upper = _beneath(hull, -along, overlap / 2.0 - middle)
+    return _beneath(hull, along, middle + overlap / 2.0), upper
+
+
+def _beneath(hull: Hull, normal: Array, height: float) -> Hull:
+    """What of a hull is not above a plane that crosses it."""
+    ends = hull.edges @ normal - height
+    crossing = (ends.min(axis=1) < 0.0) & (ends.max(axis=1) > 0.0)
+    share = (ends[crossing, 0] / (ends[crossing, 0] - ends[crossing, 1]))[:, None]
+    across = (1.0 - share) * hull.edges[crossing, 0] + share * hull.edges[crossing, 1]
+    return Hull(np.vstack([hull.corners[hull.corners @ normal <= height], across]))

@@ -1,4 +1,6 @@
-"""Surfaces in convex pieces: CoACD cuts them, and every triangle is made to lie within one of the hulls."""
+"""Surfaces in convex pieces: their bodies, which CoACD cuts where they have a hollow, and halves of what is
+round. Every triangle is made to lie within one of the hulls.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +18,23 @@ from numpy.typing import NDArray
 
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
-from vffnull.arms._hulls import Hull, simplified
+from vffnull.arms._hulls import Hull, halves, simplified
 
 __all__ = ["WAY", "check", "enclosing", "outside"]
 
 Array = NDArray[np.float64]
 
-WAY = 1
+WAY = 2
 """Which way of making pieces this is; another one does not take those of this one for its own."""
 
 _MOST = 64
 """More pieces of one surface take too long to cut, and to measure."""
+
+SMALL = 1e-3
+"""A body with less of the largest one's volume is no part of its own, but added to the others."""
+
+HOLLOW = 0.05
+"""A body that leaves more of its hull empty is cut."""
 
 SPACING = 1 / 160
 """How long the edges are of triangles that lie across a cut, as a share of the surface's diagonal."""
@@ -61,12 +70,57 @@ def enclosing(surface: Any, count: int) -> list[Hull]:
     """
     if count == 1:
         return [simplified(Hull(np.asarray(surface.vertices, float)))]
-    hulls = [Hull(part) for part in _cut(surface, count)]
+    hulls = [Hull(part) for part in _parts(surface, count)]
     points, faces, beyond = _across(hulls, surface)
-    nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
+    nearest = np.where(beyond.min(axis=0) > _rounding(surface), beyond.argmin(axis=0), -1)
     added = (np.unique(faces[nearest == k]) for k in range(len(hulls)))
-    wide = (np.vstack([hull.corners, points[each]]) for hull, each in zip(hulls, added, strict=True))
-    return [simplified(Hull(each)) for each in wide]
+    wide = [Hull(np.vstack([hull.corners, points[each]])) for hull, each in zip(hulls, added, strict=True)]
+    return _rounded(wide, count, SPACING * float(np.linalg.norm(surface.extents)))
+
+
+def _parts(surface: Any, count: int) -> list[Array]:
+    """The vertices of the parts of a surface: its bodies, and what those with a hollow are cut into."""
+    bodies = [(body, Hull(np.asarray(body.vertices, float))) for body in _bodies(surface)]
+    if not 1 <= len(bodies) <= count:
+        return _cut(surface, count)
+    parts: list[Array] = []
+    spare = count - len(bodies)
+    for hollow, body, hull in sorted(((_hollow(*each), *each) for each in bodies), key=lambda each: -each[0]):
+        cut = _cut(body, spare + 1) if spare and hollow > HOLLOW * hull.volume else [hull.corners]
+        parts += cut
+        spare -= len(cut) - 1
+    return parts
+
+
+def _bodies(surface: Any) -> list[Any]:
+    """What of a surface hangs together, without what has next to no volume."""
+    bodies = []
+    for body in surface.split(only_watertight=False):
+        with suppress(extra("scipy.spatial", "meshes").QhullError):
+            bodies.append((Hull(np.asarray(body.vertices, float)).volume, body))
+    least = SMALL * max((volume for volume, _ in bodies), default=0.0)
+    return [body for volume, body in bodies if volume > least]
+
+
+def _hollow(body: Any, hull: Hull) -> float:
+    """How much of its hull a body does not fill [m³]: all of it if the surface is open."""
+    return hull.volume - float(body.volume) if body.is_volume else hull.volume
+
+
+def _rounded(hulls: list[Hull], count: int, overlap: float) -> list[Hull]:
+    """Hulls with as few corners as the core measures, at most so many.
+
+    While there may be more, the one that fewer corners make larger by most is cut in halves.
+    """
+    fewer = [(hull, simplified(hull)) for hull in hulls]
+    while len(fewer) < count:
+        larger = [less.volume - hull.volume for hull, less in fewer]
+        worst = int(np.argmax(larger))
+        cut = halves(fewer[worst][0], overlap) if larger[worst] > 0.0 else None
+        if cut is None:
+            break
+        fewer[worst : worst + 1] = [(half, simplified(half)) for half in cut]
+    return [less for _, less in fewer]
 
 
 def outside(hulls: Sequence[Hull], surface: Any) -> float:
@@ -84,13 +138,18 @@ def _across(hulls: Sequence[Hull], surface: Any) -> tuple[Array, NDArray[Any], A
     """
     points, faces = np.asarray(surface.vertices, float), np.asarray(surface.faces)
     beyond = _beyond(hulls, points, faces)
-    across = beyond.min(axis=0) > 0.0
+    across = beyond.min(axis=0) > _rounding(surface)
     if len(hulls) == 1 or not across.any():
         return points, faces, beyond
     longest = SPACING * float(np.linalg.norm(surface.extents))
     trimesh = extra("trimesh", "meshes")
     points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
     return points, faces, _beyond(hulls, points, faces)
+
+
+def _rounding(surface: Any) -> float:
+    """What a corner of a hull may be beyond its planes [m]."""
+    return 1e-13 * float(np.linalg.norm(surface.extents))
 
 
 def _beyond(hulls: Sequence[Hull], points: Array, faces: NDArray[Any]) -> Array:

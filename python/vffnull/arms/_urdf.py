@@ -79,9 +79,10 @@ def from_urdf(
         ones, with a warning, instead of refused.
     pieces : int or dict, optional
         With ``collision="file"``: the most convex hulls that each mesh may become, or those of the links that
-        are named, such as ``{"forearm_link": 4}``. One hull fills every hollow of a mesh; CoACD cuts it where
-        this keeps them best, which takes seconds to minutes and is kept for the next time. Nothing of a mesh
-        sticks out of its hulls.
+        are named, such as ``{"forearm_link": 4}``. One hull fills every hollow of a mesh, and one with 64
+        corners is millimetres larger than what is round. Bodies become pieces; CoACD cuts those that have a
+        hollow, which takes seconds to minutes and is kept for the next time; round ones are halved while
+        there may be more. Nothing of a mesh sticks out of its hulls.
 
     Returns
     -------
