@@ -214,6 +214,14 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"factors": [GAIN, {**GAIN, "name": "b"}]},
         "factors[1]: controller.field.gain is changed by gain, too",
     ),
+    "whole": (
+        {"factors": [GAIN, {"key": "controller.field", "values": [{"gain": 1.0}, {"gain": 2.0}]}]},
+        "factors[1]: controller.field takes the place of controller.field.gain, which gain changes before",
+    ),
+    "text": (
+        {"factors": [{"name": "a", "choices": {1: {"duration": 1.0}, "1": {"duration": 2.0}}}]},
+        "factors[0].choices: two names are the same as text",
+    ),
     "column": (
         {"factors": [{**GAIN, "name": "effort"}]},
         "factors[0].name: 'effort' is the name of another column",

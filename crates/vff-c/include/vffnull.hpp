@@ -19,12 +19,13 @@
 
 namespace vff {
 
-/// Numbers that lie side by side and belong to somebody else: an array, a vector, or a pointer with a length.
+/// Numbers that lie side by side and belong to somebody else: an array, a vector, or a pointer with a length. Where there are none,
+/// its `data()` is NULL, as of what is not given.
 template <class T>
 class Span {
 public:
     constexpr Span() noexcept = default;
-    constexpr Span(T* data, std::size_t size) noexcept : data_(data), size_(size) {}
+    constexpr Span(T* data, std::size_t size) noexcept : data_(size > 0 ? data : nullptr), size_(size) {}
     template <std::size_t N>
     constexpr Span(T (&array)[N]) noexcept : data_(array), size_(N) {}
     /// Of whatever has `data()` and `size()`: `std::array`, `std::vector`, `std::span`, a column of Eigen.
@@ -32,7 +33,7 @@ public:
               class = std::enable_if_t<
                   !std::is_same_v<std::decay_t<C>, Span> &&
                   std::is_convertible_v<std::remove_pointer_t<decltype(std::declval<C&>().data())> (*)[], T (*)[]>>>
-    constexpr Span(C&& values) noexcept : data_(values.data()), size_(static_cast<std::size_t>(values.size())) {}
+    constexpr Span(C&& values) noexcept : Span(values.data(), static_cast<std::size_t>(values.size())) {}
 
     constexpr T* data() const noexcept { return data_; }
     constexpr std::size_t size() const noexcept { return size_; }

@@ -4,6 +4,7 @@
 
 mod another_robot;
 mod architecture;
+mod clocks;
 mod examples;
 mod followed;
 mod fuzz_scenarios;

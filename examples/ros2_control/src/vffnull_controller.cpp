@@ -180,8 +180,7 @@ CallbackReturn VffnullController::on_activate(const rclcpp_lifecycle::State&) tr
     }
     held_ = law_->begin(1.0 / get_update_rate());
     std::fill(reference_interfaces_.begin(), reference_interfaces_.end(), NONE);
-    target_.take();  // what was wanted before is not wanted any more
-    t_ = 0.0;
+    target_.take();  // what was wanted before is not wanted any more; time goes on, as obstacles do
     return CallbackReturn::SUCCESS;
 } catch (const std::exception& error) {
     RCLCPP_ERROR(get_node()->get_logger(), "%s", error.what());

@@ -105,7 +105,7 @@ def _complete_task(_: click.Context, _param: click.Parameter, begun: str) -> lis
 )
 @click.option("--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures.")
 @format_option
-@click.option("--times", is_flag=True, help="Time the steps of every controller, too.")
+@click.option("--times", is_flag=True, help="Time the steps of every controller, too; in crowds without --category.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: counts and rates.")
 def evaluate(
     controllers: tuple[str, ...],
@@ -148,9 +148,10 @@ def evaluate(
         evaluating.check_path(save_to)
         has_folder(save_to)
     evaluation.wilson(0, 1)
+    kinds = [int(each) if each.isdigit() else each for each in categories]
     outcome = evaluating.evaluate(
         controllers or None,
-        [int(each) if each.isdigit() else each for each in categories] or (1, 2),
+        kinds or (1, 2),
         joints or (4, 6, 9),
         count,
         seed,
@@ -167,6 +168,7 @@ def evaluate(
     if times:
         table = evaluating.loop_times(
             controllers or None,
+            kinds or "crowd",
             n=joints or (4, 6, 9),
             seed=seed,
             space=space,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vffnull._support.errors import InputError
 from vffnull._support.files import replacing
 from vffnull.draw import style
 
@@ -19,7 +21,9 @@ __all__ = ["save"]
 
 
 def save(evaluation: Table, directory: Path, ending: str = ".png") -> list[Path]:
-    """Draw the figures into a directory, which is made if need be."""
+    """Draw the figures into a directory, which is made if need be; there has to be a row."""
+    if not evaluation.families:
+        raise InputError("evaluation: there are no rows to draw")
     directory.mkdir(parents=True, exist_ok=True)
     files = []
     with style.look():
@@ -47,7 +51,7 @@ def rates(evaluation: Table) -> Figure:
                 if rate.total:
                     ax.plot([100 * rate.low, 100 * rate.high], [place, place], color=colour, linewidth=1.6)
                     ax.plot(100 * rate.value, place, "o", color=colour, markersize=4, clip_on=False)
-            total = len(scenes.where(controller=names[0]))
+            total = len(scenes.verdicts)
             ax.set_title(f"{family}\n{total} scenes" if ax is axes[0, column] else f"{total} scenes")
             if not total:
                 ax.text(
@@ -69,7 +73,7 @@ def clearance(evaluation: Table) -> Figure:
     fig, axes = _row(evaluation)
     for ax, family in zip(axes, evaluation.families, strict=True):
         rows = evaluation.where(family=family).feasible
-        _steps(ax, rows, "min_clearance", 1e2)
+        _steps(ax, evaluation.controllers, rows, "min_clearance", 1e2)
         ax.axvline(0.0, color=style.INK, linewidth=0.6)
         ax.set_title(family)
         ax.set_xlim(*((-20, 30) if "arm" in evaluation.columns else (-40, 60)))
@@ -84,7 +88,8 @@ def error(evaluation: Table) -> Figure:
     fig, axes = _row(evaluation, 2)
     for what, line in zip(("rms_error_during", "rms_error_after"), axes, strict=True):
         for ax, family in zip(line, evaluation.families, strict=True):
-            _steps(ax, evaluation.where(family=family, diverged=False).feasible, what, 1e3)
+            rows = evaluation.where(family=family, diverged=False).feasible
+            _steps(ax, evaluation.controllers, rows, what, 1e3)
             ax.set_xscale("log")
             ax.set_xlim(1e-4, 1e4)
             ax.set_xticks([1e-4, 1e-2, 1e0, 1e2, 1e4])
@@ -105,9 +110,9 @@ def _row(evaluation: Table, lines: int = 1) -> tuple[Figure, Any]:
     return fig, axes if lines > 1 else axes[0]
 
 
-def _steps(ax: Axes, rows: Table, column: str, factor: float) -> None:
+def _steps(ax: Axes, names: Sequence[str], rows: Table, column: str, factor: float) -> None:
     """The empirical distribution of a column for every controller."""
-    for name, colour in zip(rows.controllers, style.joint_colours(len(rows.controllers)), strict=True):
+    for name, colour in zip(names, style.joint_colours(len(names)), strict=True):
         values = rows.where(controller=name).columns[column]
         values = np.sort(factor * values[np.isfinite(values)])
         share = np.arange(1, len(values) + 1) / max(len(values), 1)

@@ -100,13 +100,17 @@ class Table:
         return {str(scene): str(verdict) for scene, verdict in pairs}
 
     def where(self, **wanted: Any) -> Self:
-        """The rows in which columns have given values: ``where(controller="cbf", n=[4, 6])``."""
+        """The rows in which columns have given values: ``where(controller="cbf", n=[4, 6])``.
+
+        Of controllers, those are left that have rows.
+        """
         rows = np.ones(len(self), dtype=bool)
         for name, value in wanted.items():
             if name not in self.columns:
                 raise InputError(f"{name}: there is no such column; there are {', '.join(self.columns)}")
             rows &= np.isin(self.columns[name], value)
-        return type(self)({name: column[rows] for name, column in self.columns.items()}, self.controllers)
+        left = {name: column[rows] for name, column in self.columns.items()}
+        return type(self)(left, tuple(name for name in self.controllers if name in left["controller"]))
 
     def rate(self, name: str) -> Rate:
         """How often ``"collided"``, ``"diverged"`` or ``"success"`` holds in the rows."""
@@ -139,7 +143,7 @@ class Table:
         return [family for family in FAMILIES if family in self.columns["family"]]
 
     def table(self) -> str:
-        """Rates and medians as Markdown, two tables for each family.
+        """Rates and medians as Markdown, two tables for each family; nothing of no rows.
 
         Raises
         ------
@@ -150,16 +154,16 @@ class Table:
 
     def _family_table(self, family: str) -> str:
         rows = self.where(family=family)
-        scenes_of = rows.where(controller=self.controllers[0])
-        verdicts = ", ".join(f"{len(scenes_of.where(feasibility=verdict))} {verdict}" for verdict in VERDICTS)
+        found = list(rows.verdicts.values())
+        verdicts = ", ".join(f"{found.count(verdict)} {verdict}" for verdict in VERDICTS)
         lines = [
-            f"**{family}**: {len(scenes_of)} scenes, escape: {verdicts}",
+            f"**{family}**: {len(found)} scenes, escape: {verdicts}",
             "",
             "| controller | collisions, all [%] | collisions, feasible [%] | success, all [%] "
             "| success, feasible with tip [%] | returned, feasible [%] | diverged [%] |",
             "|---|--:|--:|--:|--:|--:|--:|",
         ]
-        for name in self.controllers:
+        for name in rows.controllers:
             of = rows.where(controller=name)
             lines.append(f"| {name} | {' | '.join(map(str, of.rates().values()))} |")
         lines += [
@@ -168,7 +172,7 @@ class Table:
             "| effort [N²·m²·s] | jerk [rad/s³] |",
             "|---|--:|--:|--:|--:|--:|",
         ]
-        for name in self.controllers:
+        for name in rows.controllers:
             of = rows.where(controller=name)
             clearance = 1e3 * of.columns["min_clearance"]
             cells = (

@@ -193,7 +193,7 @@ def evaluate(
     if space:
         wanted = _in_space(category, _listed(arm), _listed(task))
     else:
-        wanted = [partial(scenes.random, c, k) for c in _listed(category) for k in _listed(n)]
+        wanted = _in_the_plane(category, n)
     drawn = [partial(make, each) for make in wanted for each in range(seed, seed + count)]
     if not drawn:
         kinds = "no family, no arm or no task" if space else "no category or no number of joints"
@@ -201,9 +201,13 @@ def evaluate(
 
     total = len(drawn) * len(compared)
     rows: list[dict[str, Any]] = []
+    seen: set[str] = set()
     with counted(progress, total) as report:
         for first in range(0, len(drawn), _BLOCK):
-            block = [make() for make in drawn[first : first + _BLOCK]]
+            made = {scene.name: scene for scene in (make() for make in drawn[first : first + _BLOCK])}
+            block = [scene for name, scene in made.items() if name not in seen]  # one may be of two kinds
+            seen |= made.keys()
+            total -= (len(drawn[first : first + _BLOCK]) - len(block)) * len(compared)
             rows += _block(block, compared, threads, verdicts or {})
             if report is not None:
                 report(len(rows), total)
@@ -216,12 +220,19 @@ def _listed(given: Any) -> list[Any]:
 
 
 def _in_space(category: Any, arms: list[Any], tasks: list[Any]) -> list[partial[Scenario]]:
-    """What makes scenes in space of a seed: all families of the categories, one by one."""
+    """What makes scenes in space of a seed: all families of the categories, one by one, each once."""
     families: list[Any] = []
     for each in _listed(category):
         known = isinstance(each, int) and not isinstance(each, bool) and each in scenes.CATEGORIES
         families += scenes.CATEGORIES[each] if known else [each]
-    return [partial(scenes.in_space, f, a, t) for f in dict.fromkeys(families) for a in arms for t in tasks]
+    kinds = dict.fromkeys((f, a, t) for f in families for a in arms for t in tasks)
+    return [partial(scenes.in_space, *kind) for kind in kinds]
+
+
+def _in_the_plane(category: Any, n: Any) -> list[partial[Scenario]]:
+    """What makes scenes in the plane of a seed, each once."""
+    kinds = dict.fromkeys((c, k) for c in _listed(category) for k in _listed(n))
+    return [partial(scenes.random, *kind) for kind in kinds]
 
 
 def join(parts: Iterable[Evaluation]) -> Evaluation:
@@ -231,8 +242,15 @@ def join(parts: Iterable[Evaluation]) -> Evaluation:
     ----------
     parts : iterable of Evaluation
         At least one.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If there is none, or one is of the plane and another one of space.
     """
     parts = list(parts)
+    if not parts or any(part.columns.keys() != parts[0].columns.keys() for part in parts):
+        raise InputError("join: expected evaluations that are all of the plane, or all of space")
     names = dict.fromkeys(name for part in parts for name in part.controllers)
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
     return Evaluation(columns, tuple(names))
@@ -375,7 +393,7 @@ def check_path(path: str | Path) -> Path:
 
 def loop_times(
     controllers: Iterable[str] | Mapping[str, Mapping[str, Any]] | None = None,
-    category: int | str = "crowd",
+    category: int | str | Iterable[int | str] = "crowd",
     n: int | Iterable[int] = (4, 6, 9),
     count: int = 3,
     seed: int = scenes.EVALUATION.start,
@@ -394,17 +412,13 @@ def loop_times(
     controllers, category, n, count, seed, space, arm, task : optional
         As in `evaluate`.
     """
-    made: dict[str, partial[Scenario]]
-    if space:
-        makers = _in_space(category, _listed(arm), _listed(task))
-        made = {" | ".join(make.args[1:]): make for make in makers}
-    else:
-        made = {str(joints): partial(scenes.random, category, joints) for joints in _listed(n)}
-    kinds = ["arm", "task"] if space else ["joints"]
+    makers = _in_space(category, _listed(arm), _listed(task)) if space else _in_the_plane(category, n)
+    made = {" | ".join(map(str, make.args)): make for make in makers}
+    kinds = ["scenes", "arm", "task"] if space else ["scenes", "joints"]
     heads = ["controller", *kinds, "mean [µs]", "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "max [µs]"]
     lines = [
         f"| {' | '.join(heads)} |",
-        "|---" * (1 + 2 * space) + "|--:" * (len(heads) - 1 - 2 * space) + "|",
+        "|---" * (2 + 2 * space) + "|--:" * (len(heads) - 2 - 2 * space) + "|",
     ]
     for name, changes in chosen(controllers).items():
         for kind, make in made.items():

@@ -214,7 +214,12 @@ def _check_names(plan: Plan) -> None:
         for key in factor.touched:
             if key in keys:
                 raise InputError(f"factors[{i}]: {key} is changed by {keys[key]}, too")
-            keys[key] = factor.name
+            if part := next((each for each in keys if each.startswith(f"{key}.")), None):
+                raise InputError(
+                    f"factors[{i}]: {key} takes the place of {part}, which {keys[part]} changes before; "
+                    "put this factor first"
+                )
+        keys |= dict.fromkeys(factor.touched, factor.name)
     if plan.records is not None and plan.has_scenes:
         kinds = plan.base.to_dict()["scenes"]
         if any(len(kinds.get(each, ())) > 1 for each in ("joints", "arms", "tasks")):

@@ -205,14 +205,17 @@ def _chosen(table: Keyed) -> Factor:
     if not isinstance(given, Mapping) or not given:
         raise InputTypeError(f"{table.at('choices')}: expected a table of names, got {kind(given)}")
     changes = []
-    for name, change in sorted(given.items()):  # TOML has no order of its own
+    named = {str(name): change for name, change in given.items()}
+    if len(named) < len(given):
+        raise InputError(f"{table.at('choices')}: two names are the same as text")
+    for name, change in sorted(named.items()):  # TOML has no order of its own
         if not isinstance(change, Mapping):
             place = f"{table.at('choices')}.{name}"
             raise InputTypeError(f"{place}: expected a table of dotted keys, got {kind(change)}")
         changes.append(plain(change, f"{table.at('choices')}.{name}"))
     if "name" not in table:
         raise InputError(f"{table.at('name')}: missing; choices need a name for their column")
-    names = tuple(sorted(map(str, given)))
+    names = tuple(sorted(named))
     return Factor(table.text("name"), (), "", 0.0, len(names) - 1.0, values=names, changes=tuple(changes))
 
 

@@ -2,6 +2,7 @@
 
 mod changes;
 mod queries;
+mod truth;
 
 use super::actuator::Actuator;
 use super::contact::{ContactSettings, hide_unseen};
@@ -17,12 +18,13 @@ use crate::control::{
     Controller, Gains, Gravity, ObjectiveScale, SelfCollision, Tank, Torque, limits,
 };
 use crate::interrupt;
-use crate::math::{Pose, Vector, keep_least};
+use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Pace, Trajectory};
 use crate::world::{CollisionQuery, Contact, ObstacleGeometry, Positions, World};
 use std::iter;
 use std::sync::Arc;
+use truth::Truth;
 
 /// Where the world is not as the controller believes.
 #[derive(Debug, Clone)]
@@ -95,7 +97,7 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     /// Who makes another plan where the reference is one that leads nowhere any more.
     replanning: Option<Box<dyn Replan<S, D, M>>>,
     /// What is so, where the controller does not see it.
-    truth: Option<Truth<M>>,
+    truth: Option<Truth<S, D, M>>,
     stepper: Stepper,
     step: usize,
     q: Vec<f64>,
@@ -113,36 +115,6 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     x: S::Pose,
     bias: Vec<f64>,
     predicted: [Vec<f64>; 3],
-}
-
-/// What a controller with perfect sensors knows, taken from the plant.
-#[derive(Debug, Clone)]
-struct Truth<const M: usize> {
-    dx: Vector<M>,
-    error: Vector<M>,
-    clearance: Vec<f64>,
-}
-
-impl<const M: usize> Truth<M> {
-    fn new(n: usize) -> Self {
-        Self { dx: Vector::zeros(), error: Vector::zeros(), clearance: vec![f64::INFINITY; n] }
-    }
-
-    fn refresh<R: Manipulator<D, M>, const D: usize>(
-        &mut self,
-        plant: &R,
-        reference: &R::Pose,
-        world: &mut World<impl ObstacleGeometry<D>, D>,
-    ) {
-        self.dx = plant.task_velocity();
-        self.error = plant.pose().error(reference);
-        self.clearance.fill(f64::INFINITY);
-        let nearest = |link: usize, d: f64| keep_least(&mut self.clearance[link], d);
-        world.for_each_contact(plant.bodies(), f64::NEG_INFINITY, nearest, |_| {});
-        world.for_each_hidden(plant.bodies(), |contact| {
-            keep_least(&mut self.clearance[contact.link], contact.distance);
-        });
-    }
 }
 
 /// Whether all values are finite. Only a full exponent plus one carries into the sign; bits, because
@@ -255,7 +227,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             output,
             governor,
             replanning: None,
-            truth: imperfect.then(|| Truth::new(n)),
+            truth: imperfect.then(|| Truth::new(arm.state())),
             stepper: Stepper::new(options.integrator, n),
             step: 0,
             start: [q.clone(), dq.clone()],
@@ -538,7 +510,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
                 self.plant.update(&self.q, &self.dq);
                 let state = self.plant.state();
                 let reference = self.stack.controller.reference().x;
-                truth.refresh(state, &reference, &mut self.stack.world);
+                let measures_itself =
+                    self.stack.controller.gains().self_collision != SelfCollision::Ignore;
+                truth.refresh(state, &reference, &mut self.stack.world, measures_itself);
                 state.pose()
             }
             None => self.stack.controller.pose(),

@@ -41,6 +41,7 @@ public:
         }
         for (const auto& each : obstacles) {
             ids_.push_back(controller_.add_obstacle(each));
+            turns_.push_back(each.find("orientation") != std::string::npos);
         }
         if (points > 0) {
             const auto id =
@@ -86,9 +87,11 @@ public:
     /// Obstacle `i` was seen at time `t` and goes on. The first time that one is turned allocates.
     vff::Status see(std::size_t i, double t, const Motion& seen) noexcept {
         const auto status = controller_.move_obstacle(ids_[i], t, seen.position, seen.velocity);
-        if (!status || seen.orientation == Motion{}.orientation) {
+        const bool level = seen.orientation == Motion{}.orientation && seen.angular_velocity == Motion{}.angular_velocity;
+        if (!status || (level && !turns_[i])) {
             return status;
         }
+        turns_[i] = 1;
         return controller_.turn_obstacle(ids_[i], t, seen.orientation, seen.angular_velocity);
     }
 
@@ -109,6 +112,7 @@ private:
     vff::Robot robot_;
     vff::Controller controller_;
     std::vector<std::uint32_t> ids_;
+    std::vector<char> turns_;  // those that are not as they are without being turned
     std::optional<vff::Cloud> cloud_;
 };
 

@@ -1,8 +1,5 @@
 //! Time as a loop counts it, whatever the robot's clock says.
 
-/// The longest way of a clock from reading to reading that is not taken for its being set \[s\].
-const LONGEST: f64 = 1.0;
-
 /// A robot's clock. Time goes on as it does; where it is set, back or by more than a second ahead, time goes on by the periods
 /// that have passed.
 #[derive(Debug, Clone)]
@@ -14,6 +11,9 @@ pub struct Clock {
 }
 
 impl Clock {
+    /// The longest way from reading to reading that is not taken for its being set \[s\].
+    pub const LONGEST: f64 = 1.0;
+
     /// The clock of a loop of `period` \[s\].
     pub fn new(period: f64) -> Self {
         Self { period, said: None, now: 0.0 }
@@ -22,6 +22,11 @@ impl Clock {
     /// The time at the last reading that was [taken](Self::take) \[s\].
     pub fn now(&self) -> f64 {
         self.now
+    }
+
+    /// Whether there has been a reading.
+    pub fn is_read(&self) -> bool {
+        self.said.is_some()
     }
 
     /// How far the clock is ahead of the time \[s\].
@@ -38,7 +43,7 @@ impl Clock {
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
         let counted = self.period * cycles as f64;
-        let passed = if back || t - said > LONGEST { counted } else { t - said };
+        let passed = if back || t - said > Self::LONGEST { counted } else { t - said };
         (t > said).then_some(self.now + passed)
     }
 

@@ -259,6 +259,13 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.admission.clock().ahead()
     }
 
+    /// The time of the loop now \[s\], by the cycles since the last state; None before the first.
+    pub fn now(&self) -> Option<f64> {
+        let clock = self.admission.clock();
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
+        clock.is_read().then(|| clock.now() + self.period * self.missed as f64)
+    }
+
     /// Asks for the end: from the next cycle on the arm is damped and held, until it stands.
     pub fn stop(&mut self) {
         self.stops = true;

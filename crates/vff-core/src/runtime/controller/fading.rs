@@ -33,11 +33,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Fading<S, D, M> {
         Self { controller: controller.clone(), robots, times: None, last: None, weight }
     }
 
-    /// Begins to leave it for `next`, which is at the same state, within `duration` \[s\]. Whether both have the same tip.
+    /// Begins to leave it for `next`, which is at the same state, within `duration` \[s\], or leaves it at once for 0. Whether both
+    /// have the same tip.
     pub(super) fn begin(&mut self, next: &Controller<S::State, D, M>, duration: f64) -> bool {
         let is_same = next.has_tip_of(&self.controller);
         self.last = (!is_same).then(|| *self.controller.reference());
-        self.times = Some([0.0, duration]);
+        self.times = (duration > 0.0).then_some([0.0, duration]);
         is_same
     }
 

@@ -22,7 +22,7 @@ pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
     governor: Option<Governor>,
     /// Makes other plans.
     replanning: Option<Box<dyn Replan<S, D, M>>>,
-    /// The time of the loop at which it begins \[s\]; it has not begun in a loop that is watched over, until there is a state.
+    /// The time of the loop at which it begins \[s\]; None in a loop that is watched over, until there is a state.
     begins: Option<f64>,
 }
 
@@ -124,11 +124,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
     /// Moves the posture of `controller` to where the plan has it at time `t` \[s\] of the loop.
     pub(super) fn move_posture(&self, t: f64, controller: &mut Controller<S::State, D, M>) {
         match self.trajectory.joints() {
-            Some(joints) => {
-                controller.move_posture(joints, &self.pace(t - self.begins.unwrap_or(t)));
-            }
+            Some(joints) => controller.move_posture(joints, &self.pace(self.since(t))),
             None => controller.leave_plan(),
         }
+    }
+
+    /// For how long it has been followed at time `t` \[s\] of the loop; less than 0 as long as it has not begun.
+    fn since(&self, t: f64) -> f64 {
+        self.begins.map_or(f64::NEG_INFINITY, |begins| t - begins)
     }
 
     /// Its clock at `t` \[s\] after its beginning, were the error to stay.
@@ -142,12 +145,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
 
     /// Where it is in its own time \[s\] at time `t` \[s\] of the loop.
     pub(super) fn path_time(&self, t: f64) -> f64 {
-        self.pace(t - self.begins.unwrap_or(t)).time
+        self.pace(self.since(t)).time
     }
 
     /// Where it puts the end effector at time `t` \[s\] of the loop.
     pub(super) fn at(&self, t: f64) -> Sample<S::Pose, M> {
-        let t = t - self.begins.unwrap_or(t);
+        let t = self.since(t);
         match &self.governor {
             _ if t < 0.0 => Sample::at_rest(self.trajectory.at(0.0).x),
             Some(governor) => governor.sample(&self.trajectory, t),
@@ -170,7 +173,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         controller: &Controller<S::State, D, M>,
         world: &World<S::Geometry, D>,
     ) {
-        let pace = self.pace(t - self.begins.unwrap_or(t));
+        let pace = self.pace(self.since(t));
         let error = &controller.followed_error();
         if let Some(governor) = &mut self.governor {
             governor.hear(self.trajectory.way_off::<D>(error, pace.time));

@@ -10,7 +10,7 @@ use super::{
     AnyController, CycleError, ErasedController, FromNumbers, Reading, Scalars, SuccessionError,
     Surroundings, Target, TermsView,
 };
-use crate::control::output::{BeginError, Phase, Supervisor};
+use crate::control::output::{BeginError, Clock, Phase, Supervisor};
 use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
@@ -33,6 +33,8 @@ use toml::Table;
 #[derive(Debug, Clone)]
 pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     arm: Arc<S::Arm>,
+    /// Laws with the same number have the same joints and the same `command`: copies of one, and successors that were made for it.
+    kin: u64,
     controller: Controller<S::State, D, M>,
     settings: Settings,
     world: World<S::Geometry, D>,
@@ -53,6 +55,8 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     warnings: Vec<String>,
     /// How far the arm reaches \[m\].
     reach: f64,
+    /// The time of the obstacles at the last state of a loop that is watched over \[s\].
+    reached: Option<f64>,
     /// The instant of the last call \[s\].
     last: Option<f64>,
     /// The period of the loop that it is in \[s\], if that is known.
@@ -71,6 +75,22 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// The time of the loop \[s\] when the clock of its states says `t`: another one where that was set.
     fn loop_time(&self, t: f64) -> f64 {
         t - self.supervisor.as_ref().map_or(0.0, |supervisor| supervisor.clock_ahead())
+    }
+
+    /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over that clock may have been
+    /// set since the last state: what is said to be a second away from now is now. Before its first state, a time that lies back
+    /// is of another clock than the last loop's, and the obstacles are where they were.
+    fn world_time(&mut self, t: f64) -> f64 {
+        let at = self.loop_time(t) - self.epoch;
+        let Some(supervisor) = &self.supervisor else { return at };
+        match (supervisor.now().map(|now| now - self.epoch), self.reached) {
+            (Some(now), _) if (at - now).abs() > Clock::LONGEST => now,
+            (None, Some(reached)) if at < reached - Clock::LONGEST => {
+                self.epoch = t - reached;
+                reached
+            }
+            _ => at,
+        }
     }
 
     /// Takes in a state at a time of the loop, and returns the time since the last one \[s\].
@@ -127,8 +147,9 @@ impl<S, const D: usize, const M: usize> Standalone<S, D, M>
 where
     S: System<D, M, State: FromNumbers<D, M, Pose = <S as System<D, M>>::Pose>>,
 {
-    /// The law at the observed state, for a target, or for the reference of the scenario, or to stay where it is.
-    fn act_for(&mut self, target: Option<&Target<'_>>) {
+    /// The law at the observed state, for a target, or for the reference of the scenario, which `goes_on` by that, or to stay
+    /// where it is.
+    fn act_for(&mut self, target: Option<&Target<'_>>, goes_on: bool) {
         if let Some(target) = target {
             if self.followed.is_some() {
                 self.controller.leave_plan();
@@ -139,10 +160,16 @@ where
         } else if let Some(mut followed) = self.followed.take() {
             let since = self.world.time();
             let now = since + self.epoch;
-            followed.go_to(now, self.settings.command.blend_time, &mut self.controller);
+            if goes_on {
+                followed.go_to(now, self.settings.command.blend_time, &mut self.controller);
+            } else {
+                followed.move_posture(now, &mut self.controller);
+            }
             self.left().into_iter().for_each(|left| followed.move_posture(now, left));
             self.act(&followed.at(now), |ahead| followed.at(now + ahead));
-            followed.look([now, since], &self.controller, &self.world);
+            if goes_on {
+                followed.look([now, since], &self.controller, &self.world);
+            }
             self.followed = Some(followed);
         } else {
             let here = Sample::at_rest(self.controller.pose());
@@ -193,6 +220,7 @@ where
     fn exchange(&mut self, other: &mut Surroundings, epoch: f64) {
         swap(&mut self.world, other.0.downcast_mut().expect("obstacles of the arm's space"));
         self.epoch = self.loop_time(epoch);
+        self.reached = None;
         self.placed.clear();
         self.reserve();
     }
@@ -203,7 +231,7 @@ where
 
     fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
         let n = self.dof();
-        let since = points.since().map(|t| self.loop_time(t) - self.epoch);
+        let since = points.since().map(|t| self.world_time(t));
         let world = points::in_space(&mut self.world)?;
         points::check(world, j, points, &self.settings, n)?;
         points.set_since(since);
@@ -250,15 +278,16 @@ where
 
     fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) -> f64 {
         let [position, velocity] = [position, velocity].map(Vector::<D>::from_column_slice);
-        let t = self.loop_time(t) - self.epoch;
+        let t = self.world_time(t);
         let Self { world, placed, settings, .. } = self;
         let Some(speed) = settings.command.obstacle_speed else {
             world.place(j, t, position, velocity);
             return 0.0;
         };
         let here = world.position_at(j, t);
-        let (way, since) = (position - here, placed[j].replace(t).map(|last| t - last));
-        let distance = way.norm();
+        let (way, last) = (position - here, placed[j]);
+        let (distance, since) = (way.norm(), last.map(|last| (t - last).max(0.0)));
+        placed[j] = Some(last.map_or(t, |last| last.max(t)));
         if since.is_none_or(|since| distance <= speed * since) {
             world.place(j, t, position, velocity.cap_magnitude(speed));
             return 0.0;
@@ -275,7 +304,7 @@ where
         rate: &[f64],
     ) -> Result<(), NotARotation> {
         let now = self.world.obstacle(j).turned(orientation, rate)?;
-        let t = self.loop_time(t) - self.epoch;
+        let t = self.world_time(t);
         self.world.turn(j, t, &now);
         Ok(())
     }
@@ -304,6 +333,7 @@ where
         self.reset();
         self.left_out = LeftOut::default();
         self.world = World::new(vec![]);
+        self.reached = None;
         self.placed.clear();
     }
 
@@ -314,6 +344,7 @@ where
         self.supervisor = Some(Box::new(supervisor));
         self.aside = Some(Aside::like(&self.controller));
         self.period = Some(period);
+        self.placed.fill(None); // on a clock that may be another one
         self.reserve();
         self.keep_time();
         self.forget();
@@ -327,11 +358,17 @@ where
     ) -> Result<Phase, CycleError> {
         target.map_or(Ok(()), S::State::check)?;
         self.come_back();
+        let is_first =
+            self.supervisor.as_ref().is_some_and(|supervisor| supervisor.now().is_none());
+        if let Some(reading) = reading.filter(|_| is_first) {
+            self.world_time(reading.t);
+        }
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
         let admitted = |Reading { t, q, dq }| Some((supervisor.admit(t, q, dq)?, q, dq));
         let news = reading.and_then(admitted);
         if let Some((t, q, dq)) = news {
             let elapsed = self.observe_at(q, dq, t);
+            self.reached = Some(t - self.epoch);
             supervisor.report(&mut self.controller, elapsed);
             self.left().into_iter().for_each(|left| supervisor.report_too(left));
         }
@@ -339,7 +376,7 @@ where
         if wanted {
             supervisor.announce(&mut self.controller);
             self.left().into_iter().for_each(|left| supervisor.announce(left));
-            self.act_for(target);
+            self.act_for(target, true);
         }
         let law = &self.controller;
         let phase = match news {
@@ -423,7 +460,7 @@ where
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
         S::State::check(target)?;
         self.step_aside();
-        self.act_for(Some(target));
+        self.act_for(Some(target), self.supervisor.is_none());
         Ok(self.converted())
     }
 
@@ -434,7 +471,7 @@ where
     ) -> Result<(), NotARotation> {
         target.map_or(Ok(()), S::State::check)?;
         self.step_aside();
-        self.act_for(target);
+        self.act_for(target, self.supervisor.is_none());
         let Self { controller, scratch, .. } = self;
         controller.robot().accelerate(&controller.torque().total, controller.bias(), scratch, out);
         Ok(())
@@ -479,7 +516,7 @@ where
 
     fn follow(&mut self) -> &[f64] {
         self.step_aside();
-        self.act_for(None);
+        self.act_for(None, self.supervisor.is_none());
         self.converted()
     }
 

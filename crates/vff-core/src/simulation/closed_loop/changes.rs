@@ -156,8 +156,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
         let is_unseen = settings.is_some_and(|settings| !settings.seen);
         if is_unseen {
-            let n = self.q.len();
-            self.truth.get_or_insert_with(|| Truth::new(n));
+            let arm = &self.arm;
+            self.truth.get_or_insert_with(|| Truth::new(arm.state()));
         }
         if is_unseen || !obstacle.ignored().is_empty() {
             let links = self.arm.link_names();

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::control::SelfMotionMap;
+use crate::math::dot;
 use crate::simulation::DepthPicture;
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
@@ -183,10 +184,19 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             Some(truth) => (&truth.dx, &truth.error, truth.clearance.as_slice()),
             None => (&space.dx, controller.error(), forces.clearance()),
         };
+        let (self_clearance, nearest_pair, manipulability) = match &self.truth {
+            Some(truth) => (truth.self_clearance, truth.nearest_pair, truth.manipulability),
+            None => (forces.self_clearance(), forces.nearest_pair(), controller.manipulability()),
+        };
         let driven = || self.actuator.as_ref().map_or(&[][..], Actuator::torque);
         let tau_applied =
             self.output.as_ref().map_or_else(driven, |output_stage| &output_stage.acting);
         let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
+        let (mut energy, mut power) = (controller.energy(), controller.power(acting));
+        if let Some(truth) = &self.truth {
+            [energy.kinetic, energy.gravitational] = truth.energy;
+            power.actuators = dot(&self.dq, acting);
+        }
         Snapshot {
             dimension: D,
             t: self.time(),
@@ -210,8 +220,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             pressing_link: self.pressing_link(),
             obstacles: &self.stack.world,
             null_acceleration: self.null_acceleration,
-            energy: controller.energy(),
-            power: controller.power(acting),
+            energy,
+            power,
             objective_scale: self.is_limited().then_some(&self.objective_scale),
             tank: controller.tank().map(Tank::level),
             tau_ext: self.plant.external_torque(),
@@ -225,11 +235,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             released: controller.released(),
             is_stopped: controller.is_stopped(),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
-                .then(|| forces.self_clearance()),
-            nearest_pair: forces.nearest_pair(),
+                .then_some(self_clearance),
+            nearest_pair,
             slack: controller.slack(),
             yields: controller.yields(),
-            manipulability: controller.manipulability(),
+            manipulability,
             singular: space.singular,
         }
     }

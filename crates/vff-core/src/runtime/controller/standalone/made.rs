@@ -10,6 +10,10 @@ use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
 use crate::world::{CollisionQuery, ObstacleGeometry, World};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// How many controllers have been made of settings.
+static KIN: AtomicU64 = AtomicU64::new(0);
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// Among no obstacles.
@@ -20,6 +24,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let output = command.changes_torque().then(|| Box::new(Output::new(command, arm.dof())));
         let mut this = Self {
             arm: Arc::clone(arm),
+            kin: KIN.fetch_add(1, Ordering::Relaxed),
             controller,
             world: World::new(vec![]),
             epoch: 0.0,
@@ -31,6 +36,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             followed: None,
             warnings: vec![],
             reach: arm.reach(),
+            reached: None,
             last: None,
             period: None,
             left_out: LeftOut::default(),
@@ -116,6 +122,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         world.know_links(&links);
         self.fits(world.barrier_count())?;
         self.world = world;
+        self.reached = None;
         self.placed.clear();
         self.reserve();
         Ok(())

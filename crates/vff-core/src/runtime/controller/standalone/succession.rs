@@ -27,7 +27,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         next.fits(self.world.barrier_count())?;
         next.world = self.world.clone();
         (next.supervisor, next.spoilt, next.is_aside) = (None, false, false);
-        next.aside = self.aside.is_some().then(|| Aside::like(&next.controller));
+        next.kin = self.kin;
+        next.aside = Some(Aside::like(&next.controller)); // a loop may begin before it is needed
         next.fading = Some(Box::new(Fading::room(&next.controller)));
         next.followed.clone_from(&self.followed);
         next.reserve();
@@ -47,8 +48,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             return Err(SuccessionError::Succeeding);
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
-        let Some(mut fading) = next.fading.take().filter(|_| next.arm.dof() == self.arm.dof())
-        else {
+        if next.kin != self.kin {
+            return Err(SuccessionError::Another);
+        }
+        let Some(mut fading) = next.fading.take() else {
             return Err(SuccessionError::Another);
         };
         if self.spoilt {
