@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import warnings
 from pathlib import Path
@@ -563,3 +564,42 @@ def test_absurd_friction_is_told_of_like_any_other(name: str, where: str, tmp_pa
     assert result.report(tmp_path / "run.html").exists()
     with pytest.raises(vff.VffNullError, match=rf"{where}\.viscous_friction: must be at most 1e100"):
         vff.simulate(name, {f"{where}.viscous_friction": 1e300})
+
+
+def own_distance(q: np.ndarray, length: float = 0.5, radius: float = 0.04) -> float:
+    """The least distance of links that share no joint, 200 points of each, of an arm of equal links."""
+    turn = np.cumsum(q)
+    ends = np.vstack([[0.0, 0.0], np.cumsum(length * np.stack([np.cos(turn), np.sin(turn)], 1), 0)])
+    share = np.linspace(0.0, 1.0, 200)[:, None]
+    links = [a + share * (b - a) for a, b in itertools.pairwise(ends)]
+    pairs = [(i, j) for i in range(len(links)) for j in range(i + 2, len(links))]
+    apart = [np.linalg.norm(links[i][:, None] - links[j][None], axis=2).min() for i, j in pairs]
+    return float(min(apart)) - 2.0 * radius
+
+
+FOLDING: dict[str, Any] = {
+    "duration": 0.62,
+    "q0": [0.0, 1.2, 1.2, 1.2],
+    "arm": {"lengths": [0.5] * 4, "masses": 1.0, "radius": 0.04, "gravity": 9.81},
+    "reference": {"kind": "line", "end": [0.25, 0.02], "duration": 0.9, "unreachable": "warn"},
+    "controller": {"stiffness": 9.0, "damping": 6.0, "null_damping": 4.0, "self_collision": "report"},
+}
+
+
+def test_the_record_is_of_the_true_arm_whatever_is_measured() -> None:
+    """Contact with itself, energies, power of the motors and manipulability, behind a delay and noise."""
+    measured = {"delay": 0.06, "position_noise": 2e-3, "velocity_noise": 0.05}
+    result = vff.simulate({**FOLDING, "measurement": measured})
+    truth = np.array([own_distance(q) for q in result.q])
+    assert truth.min() < -0.01
+    np.testing.assert_allclose(result.self_clearance, truth, atol=1e-3)
+    assert result.metrics.min_self_clearance == pytest.approx(truth.min(), abs=1e-3)
+    assert "hit itself" in result.headline
+    arm = result.scenario.arm
+    for i in range(0, len(result.t), 60):
+        q, dq = result.q[i], result.dq[i]
+        j = arm.jacobian(q)[:2]
+        expected = [arm.kinetic_energy(q, dq), arm.potential_energy(q), dq @ result.tau[i]]
+        expected.append(np.sqrt(np.linalg.det(j @ j.T)))
+        recorded = [*result.energy[i, :2], result.power[i, 0], result.manipulability[i]]
+        np.testing.assert_allclose(recorded, expected, rtol=1e-9, atol=1e-9)

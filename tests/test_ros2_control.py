@@ -94,6 +94,19 @@ def quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
+def test_an_obstacle_is_turned_back(prefix: Path, tmp_path: Path) -> None:  # noqa: F811
+    """One that is seen without a turn, after it was turned or described so, has none."""
+    program = tmp_path / "law"
+    includes = [f"-I{EXAMPLE / 'include'}", f"-I{prefix / 'include'}"]
+    library = [str(prefix / "lib" / "libvffnull.a"), "-lpthread", "-ldl", "-lm"]
+    run(["c++", "-std=c++17", *STRICT, *includes, C / "law.cpp", "-o", program, *library])
+    done = subprocess.run([program], capture_output=True, text=True, timeout=HANG, env=os.environ)
+    assert done.returncode == 0, done.stderr
+    level, turned, back, described = map(float, done.stdout.split())
+    assert abs(turned - level) > 10.0
+    np.testing.assert_allclose([back, described], level, rtol=0, atol=0.05)
+
+
 def test_the_package_names_itself() -> None:
     """What ROS reads agrees: the names of package, library, class and plugin, and what it depends on."""
     package = ElementTree.parse(EXAMPLE / "package.xml").getroot()

@@ -262,6 +262,15 @@ def test_a_wrong_document_is_told_by_its_key(name: str) -> None:
     assert message in str(raised.value), str(raised.value)
 
 
+def test_names_that_are_numbers_go_with_their_changes(tmp_path: Path) -> None:
+    """In the order of their text, as 10 before 2."""
+    gains = {gain: {"controller.field.gain": float(gain)} for gain in (1, 2, 10)}
+    study = vff.Study(changed(factors=[{"name": "gain", "choices": gains}], design=None))
+    rows = study.run(tmp_path / "out", threads=1).table(["run", "gain"]).to_pydict()
+    ran = [study.scenario(run)["controller.field.gain"] for run in rows["run"]]
+    assert list(map(float, rows["gain"])) == ran and sorted(ran) == [1.0, 2.0, 10.0]
+
+
 def test_what_is_no_document() -> None:
     with pytest.raises(InputTypeError, match="study: expected a table"):
         Study([])  # type: ignore[arg-type]

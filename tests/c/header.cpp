@@ -97,6 +97,15 @@ int main() {
     if (!loop.distances(bar, row, gradient) || !loop.distances(bar, row) || loop.distances(bar, row, row)) return 27;
     Controller next = loop.successor(robot.with_load(1.0, {0.0, 0.0, 0.05}), "task = 'pose'\nstiffness = 30");
     if (!loop.succeed(next) || !loop.cycle(0.001, ready, still, torque, phase)) return 28;
+    // What is empty is not given, wherever its memory is.
+    std::vector<double> none(49, 1.0);
+    none.clear();
+    if (!loop.move_obstacle(bar, 0.001, std::vector<double>{0.0, 0.6, 0.6}, none) || !loop.turn_obstacle(bar, 0.001, turn, none) ||
+        !loop.distances(bar, row, none) || !loop.set_reference(robot.pose(ready), none, none)) {
+        return 37;
+    }
+    const std::vector<double> before = row;
+    if (!loop.observe(0.9, ready, still) || !loop.distances(bar, row) || row != before) return 38;
     double path_time = 0.0;
     if (loop.planned(row, path_time) || !(loop.stable_period(0.0, ready) > 0.0)) return 29;
     // What a camera sees.

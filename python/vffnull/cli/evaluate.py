@@ -105,7 +105,7 @@ def _complete_task(_: click.Context, _param: click.Parameter, begun: str) -> lis
 )
 @click.option("--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures.")
 @format_option
-@click.option("--times", is_flag=True, help="Time the steps of every controller, too; in crowds without --category.")
+@click.option("--times", is_flag=True, help="Time their steps, too; in crowds without --category.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: counts and rates.")
 def evaluate(
     controllers: tuple[str, ...],
