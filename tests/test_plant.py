@@ -594,7 +594,7 @@ def test_the_record_is_of_the_true_arm_whatever_is_measured() -> None:
     assert truth.min() < -0.01
     np.testing.assert_allclose(result.self_clearance, truth, atol=1e-3)
     assert result.metrics.min_self_clearance == pytest.approx(truth.min(), abs=1e-3)
-    assert "hit itself" in result.headline
+    assert "hit itself" in str(result.headline)
     arm = result.scenario.arm
     for i in range(0, len(result.t), 60):
         q, dq = result.q[i], result.dq[i]

@@ -148,6 +148,11 @@ impl<const M: usize> Gains<M> {
         posture.iter_mut().zip(q).for_each(|((rest, _), q)| *rest = *q);
     }
 
+    /// Makes room for a posture of `n` joints.
+    pub(in crate::control) fn reserve_posture(&mut self, n: usize) {
+        self.posture.reserve(n.saturating_sub(self.posture.len()));
+    }
+
     /// Lets the posture be that of the settings.
     pub fn forget_posture(&mut self) {
         self.posture.clear();

@@ -50,6 +50,21 @@ impl MovingPosture {
         }
     }
 
+    /// Whether it has been on a plan.
+    pub fn has_moved(&self) -> bool {
+        self.course != Course::None
+    }
+
+    /// Goes on as another one of as many joints.
+    pub fn take_over(&mut self, other: &Self) {
+        self.course = other.course;
+        let Self { state, planned, torque, leaving, .. } = self;
+        let theirs =
+            other.state.iter().chain([&other.planned, &other.torque]).chain(&other.leaving);
+        let own = state.iter_mut().chain([planned, torque]).chain(leaving);
+        own.zip(theirs).for_each(|(own, theirs)| own.copy_from_slice(theirs));
+    }
+
     /// At rest at 0 again, as if it had never moved.
     pub fn forget(&mut self) {
         self.course = Course::None;

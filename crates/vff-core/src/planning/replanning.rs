@@ -1,21 +1,26 @@
 //! Makes a plan while a reference is being followed, where that leads nowhere: another plan (T121), or the first one (T179).
 
+mod progress;
+mod worker;
+
+use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use super::motion::{Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, ranges_of};
 use crate::control::SelfCollision;
 use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
 use crate::math::{Pose, Vector};
 use crate::planned_reference::follow_plan;
-use crate::robot::{Manipulator, Model, Robot};
+use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
 use crate::trajectory::{JointSpline, Pace, Trajectory};
 use crate::world::{CollisionQuery, World};
-use std::mem::swap;
+use progress::{Place, Progress};
+use std::mem::{replace, swap};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::thread;
+use worker::Worker;
 
 /// Time between two places of a plan that are looked at \[s\].
 const STEP: f64 = 0.04;
@@ -27,10 +32,12 @@ const CERTAIN: f64 = 0.9;
 const WAITS: u32 = 3;
 /// Beyond its limits by no more than this, a joint counts as being at them \[rad or m\].
 const AT_LIMIT: f64 = 0.02;
-/// What has to be gained on the way to the goal \[rad or m\] to be progress.
-const PROGRESS: f64 = 0.01;
 /// An end effector that is turned away by 1 rad counts as being so far off \[m\].
 const LEVER: f64 = 0.4;
+/// Of a joint, a plan that takes over at full speed may be so far off \[rad or m\].
+const NEXT_TO: f64 = 0.02;
+/// What a quintic from one place to another within a time has of velocity and acceleration at most, for ways and times of 1.
+const QUINTIC: [f64; 2] = [1.875, 5.774];
 /// After a search that finds nothing the next one waits, twice as long each time, from so long to so long \[s\].
 const PAUSES: [f64; 2] = [0.1, 3.2];
 
@@ -60,7 +67,10 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     first: Trajectory<S::Pose, M>,
     /// Where that, or what somebody has put in its place, comes to rest.
     goal: S::Pose,
-    beside: bool,
+    /// Whether the goal of a plan is where that puts another tip.
+    is_exchanged: bool,
+    /// Where searches are made while the loop goes on; None in a simulation.
+    beside: Option<Worker>,
     search: Option<Search>,
     searches: Vec<Replanned>,
     /// What the plan keeps from everything \[m\], where it does not say so itself.
@@ -79,9 +89,21 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
 #[derive(Debug)]
 enum Search {
     /// Done, but as if it lasted until `arrives` \[s\].
-    Simulated { plan: Option<Box<Plan>>, arrives: f64 },
-    /// In another thread, which ends when it is given up.
-    Beside { answer: Receiver<Plan>, given_up: Arc<AtomicBool> },
+    Simulated { found: Option<Box<Plan>>, arrives: f64 },
+    /// In another thread, which gives it up. One that begins where the old plan is at `arrives` \[s\] is not taken before.
+    Beside {
+        answer: Receiver<Found>,
+        found: Option<Found>,
+        arrives: f64,
+        given_up: Arc<AtomicBool>,
+    },
+}
+
+/// A plan, and whether it begins farther on along the old one.
+#[derive(Debug, Clone)]
+struct Found {
+    plan: Box<Plan>,
+    is_ahead: bool,
 }
 
 impl Drop for Search {
@@ -118,7 +140,8 @@ where
             settings: settings.clone(),
             seed: scenario.seed,
             first: reference.clone(),
-            beside: false,
+            is_exchanged: false,
+            beside: None,
             search: None,
             searches: vec![],
             kept: 0.0,
@@ -153,6 +176,9 @@ where
     /// is a place where it comes to rest.
     fn turn_to(&mut self, reference: &Trajectory<S::Pose, M>) -> bool {
         if reference.joints().is_some() {
+            if replace(&mut self.is_exchanged, false) {
+                self.goal = reference.end().unwrap_or(self.goal);
+            }
             return true;
         }
         let Some(end) = reference.end() else { return false };
@@ -210,13 +236,21 @@ where
 
     /// Takes a plan over that has come.
     fn receive(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
-        let plan = match &self.search {
+        let plan = match &mut self.search {
             Some(Search::Simulated { arrives, .. }) if moment.t < *arrives => return None,
-            Some(Search::Simulated { plan, .. }) => plan.as_deref().cloned(),
-            Some(Search::Beside { answer, .. }) => match answer.try_recv() {
-                Err(TryRecvError::Empty) => return None,
-                answer => answer.ok(),
-            },
+            Some(Search::Simulated { found, .. }) => found.take(),
+            Some(Search::Beside { answer, found, arrives, .. }) => {
+                if found.is_none() {
+                    match answer.try_recv() {
+                        Err(TryRecvError::Empty) => return None,
+                        answer => *found = answer.ok(),
+                    }
+                }
+                if found.as_ref().is_some_and(|found| found.is_ahead && moment.t < *arrives) {
+                    return None;
+                }
+                found.take().map(|found| found.plan)
+            }
             None => return None,
         };
         self.search = None;
@@ -228,6 +262,12 @@ where
             self.wait[1] = (2.0 * self.wait[1]).min(PAUSES[1]);
             return None;
         };
+        if asked.reason == Reason::Blocked
+            && !self.settings.reaches::<S, D, M>(&plan, moment, self.arm.limits())
+        {
+            asked.status = Some("given up");
+            return None;
+        }
         asked.taken = Some(moment.t);
         self.wait = [moment.t + PAUSES[0], PAUSES[0]];
         self.kept = plan.margin;
@@ -302,35 +342,45 @@ where
             let mut state = [0; 3].map(|_| moment.q.to_vec());
             let then = moment.pace.time + latency;
             plan.at(then, state.each_mut().map(Vec::as_mut_slice));
-            let [q, ..] = state;
-            Task { start: q, ..task.clone() }
+            let there = state[0].clone();
+            plan.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
+            let [here, ..] = state;
+            (Task { start: here, ..task.clone() }, there)
         });
         // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
-        let whatever_moves = reason != Reason::Blocked && !self.ahead.worlds[1].is_empty();
+        let whatever_moves = reason != Reason::Blocked && !moving.is_empty();
         let search = move || {
-            let from_plan = from_plan.and_then(|task| task.plan(&settings).ok());
-            let found = from_plan
-                .filter(|plan| plan.status != PlanStatus::StartBlocked)
-                .or_else(|| task.plan(&settings).ok())?;
-            match found.status {
-                PlanStatus::Found => Some(found),
-                _ if whatever_moves => task.plan(&PlanSettings { horizon: None, ..settings }).ok(),
-                _ => Some(found),
+            // Beyond what is in the way there is no way around it.
+            let from_plan = from_plan.filter(|(here, there)| here.is_straight(there));
+            let from_plan = from_plan
+                .and_then(|(here, there)| Task { start: there, ..here }.plan(&settings).ok());
+            let found = |plan, is_ahead| Some(Found { plan: Box::new(plan), is_ahead });
+            if let Some(plan) = from_plan.filter(|plan| plan.status != PlanStatus::StartBlocked) {
+                return found(plan, true);
+            }
+            let plan = task.plan(&settings).ok()?;
+            match plan.status {
+                PlanStatus::Found => found(plan, false),
+                _ if whatever_moves => {
+                    found(task.plan(&PlanSettings { horizon: None, ..settings }).ok()?, false)
+                }
+                _ => found(plan, false),
             }
         };
-        self.search = Some(if self.beside {
+        let arrives = moment.t + latency;
+        self.search = Some(if let Some(worker) = &self.beside {
             let given_up = Arc::new(AtomicBool::new(false));
             let watch = Watch::Flag(Arc::clone(&given_up));
             let (answers, answer) = channel();
             // Whoever waits no more does not hear it; a search that fails lets the channel go.
-            thread::spawn(move || {
-                if let Ok(Some(plan)) = interrupt::watched(watch, search) {
-                    let _ = answers.send(plan);
+            worker.ask(move || {
+                if let Ok(Some(found)) = interrupt::watched(watch, search) {
+                    let _ = answers.send(found);
                 }
             });
-            Search::Beside { answer, given_up }
+            Search::Beside { answer, found: None, arrives, given_up }
         } else {
-            Search::Simulated { plan: search().map(Box::new), arrives: moment.t + latency }
+            Search::Simulated { found: search().map(|found| found.plan), arrives }
         });
         self.searches.push(Replanned { asked: moment.t, reason, status: None, taken: None });
     }
@@ -372,11 +422,12 @@ where
             swap(&mut self.ahead.robot, robot);
             self.ahead.begin_anew();
             self.give_up();
+            self.is_exchanged = true;
         }
     }
 
     fn plan_beside(&mut self) {
-        self.beside = true;
+        self.beside = Some(Worker::new());
     }
 
     fn searches(&self) -> &[Replanned] {
@@ -390,8 +441,8 @@ where
 
     fn copy(&self) -> Box<dyn Replan<S, D, M>> {
         let search = match &self.search {
-            Some(Search::Simulated { plan, arrives }) => {
-                Some(Search::Simulated { plan: plan.clone(), arrives: *arrives })
+            Some(Search::Simulated { found, arrives }) => {
+                Some(Search::Simulated { found: found.clone(), arrives: *arrives })
             }
             _ => None,
         };
@@ -400,6 +451,7 @@ where
             arm: Arc::clone(&self.arm),
             world: self.world.clone(),
             first: self.first.clone(),
+            beside: self.beside.as_ref().map(|_| Worker::new()),
             search,
             searches: self.searches.clone(),
             ahead: self.ahead.clone(),
@@ -491,16 +543,25 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
     }
 }
 
-/// Where an arm is on its way.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    /// Whether its end effector is not where the reference is.
-    is_off: bool,
-    /// How far the joint is from the plan that is farthest from it \[rad or m\].
-    from_plan: f64,
-    /// How much is left to the end: of the joint that has farthest to go along a plan, or of the end effector to where a curve leads
-    /// \[rad or m\].
-    left: f64,
+impl ReplanSettings {
+    /// Whether the old plan, where it is now, can be left for the new one within `blend`, with what its `speed` leaves of the limits.
+    fn reaches<S: System<D, M>, const D: usize, const M: usize>(
+        &self,
+        plan: &Plan,
+        moment: &Moment<'_, S, D, M>,
+        limits: &Limits,
+    ) -> bool {
+        let Some(old) = moment.reference.joints() else { return true };
+        let mut state = [0; 3].map(|_| moment.q.to_vec());
+        old.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
+        let most = |i: usize| {
+            let speed = limits.velocity.get(i).copied().unwrap_or(MAX_SPEED);
+            let ways = [speed * self.blend, MAX_ACCELERATION[D - 2] * self.blend * self.blend];
+            let way = (ways[0] / QUINTIC[0]).min(ways[1] / QUINTIC[1]);
+            ((1.0 - self.speed) * way).max(NEXT_TO)
+        };
+        state[0].iter().zip(&plan.q).enumerate().all(|(i, (old, new))| (old - new).abs() <= most(i))
+    }
 }
 
 /// The difference of the joint that differs most \[rad or m\].
@@ -511,53 +572,6 @@ fn farthest<'a>(a: &[f64], b: impl Iterator<Item = &'a f64>) -> f64 {
 /// How much an error is, of position or of orientation \[m\].
 fn size<const D: usize, const M: usize>(error: &Vector<M>) -> f64 {
     error.fixed_rows::<D>(0).norm().max(LEVER * error.rows(D, M - D).norm())
-}
-
-/// Whether the arm is on its plan, and comes nearer to its end.
-#[derive(Debug, Clone)]
-struct Progress {
-    /// Since when it has been off its plan \[s\].
-    off_since: Option<f64>,
-    /// The nearest that it has been to the end \[rad or m\], and when that was \[s\].
-    nearest: [f64; 2],
-    is_stuck: bool,
-    times_stuck: usize,
-}
-
-impl Default for Progress {
-    fn default() -> Self {
-        let nearest = [f64::INFINITY, f64::NEG_INFINITY];
-        Self { off_since: None, nearest, is_stuck: false, times_stuck: 0 }
-    }
-}
-
-impl Progress {
-    /// Hears where the arm is at time `t` \[s\].
-    fn look(&mut self, t: f64, place: Place, settings: &ReplanSettings) -> Option<Reason> {
-        let Place { is_off, from_plan, left } = place;
-        // An elbow that makes room while the end effector is where it should be has not lost its way.
-        let strayed = if is_off && from_plan > settings.stray {
-            t - *self.off_since.get_or_insert(t) >= settings.patience
-        } else {
-            self.off_since = None;
-            false
-        };
-        let [nearest, since] = self.nearest;
-        if !is_off || left < nearest - PROGRESS {
-            self.nearest = [left, t];
-            self.is_stuck = false;
-        } else if t - since >= settings.patience {
-            self.nearest[1] = t;
-            self.times_stuck += usize::from(!self.is_stuck);
-            self.is_stuck = true;
-            return Some(Reason::Stuck);
-        }
-        if strayed {
-            self.off_since = Some(t);
-            return Some(Reason::Strayed);
-        }
-        None
-    }
 }
 
 #[cfg(test)]

@@ -153,6 +153,22 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         }
     }
 
+    /// [`ReactiveController::reserve_plan`].
+    pub fn reserve_plan(&mut self, joints: &JointSpline) {
+        self.reactive.reserve_plan(joints);
+        if let Some(preview) = &mut self.preview {
+            preview.rest_at_posture_of(&self.reactive.gains);
+        }
+    }
+
+    /// [`ReactiveController::keep_posture_of`].
+    pub fn keep_posture_of(&mut self, other: &Self) {
+        self.reactive.keep_posture_of(&other.reactive);
+        if let Some(preview) = &mut self.preview {
+            preview.rest_at_posture_of(&self.reactive.gains);
+        }
+    }
+
     /// [`ReactiveController::leave_plan`].
     pub fn leave_plan(&mut self) {
         self.reactive.leave_plan();

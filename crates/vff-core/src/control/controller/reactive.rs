@@ -150,6 +150,25 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.keep(Some((joints, pace)));
     }
 
+    /// Makes room for a plan, so that nothing allocates when the posture is moved along it; where that is, it stays.
+    pub fn reserve_plan(&mut self, joints: &JointSpline) {
+        let n = self.robot.dof();
+        self.moving.get_or_insert_with(|| Box::new(MovingPosture::new(n)));
+        self.gains.reserve_posture(n);
+        self.keep(Some((joints, &Pace { time: 0.0, speed: 0.0, change: 0.0 })));
+        self.keep(None);
+    }
+
+    /// Lets the posture be where another controller has moved it, and go on as there, if it has.
+    pub fn keep_posture_of(&mut self, other: &Self) {
+        if let (Some(moving), Some(other)) = (&mut self.moving, &other.moving)
+            && other.has_moved()
+        {
+            moving.take_over(other);
+            self.gains.move_posture(&moving.state[0]);
+        }
+    }
+
     /// Lets barriers keep what the settings ask for, and the posture come to rest: no plan is followed any more.
     pub fn leave_plan(&mut self) {
         self.keep(None);
@@ -166,7 +185,8 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Where the plan has the joints to which the posture was moved last \[rad or m\], (n); none if it never was.
     pub fn planned(&self) -> Option<&[f64]> {
-        self.moving.as_ref().map(|moving| moving.planned.as_slice())
+        let moving = self.moving.as_ref().filter(|moving| moving.has_moved());
+        moving.map(|moving| moving.planned.as_slice())
     }
 
     /// Lets the posture be that of another controller, at rest.
@@ -360,7 +380,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
         }
         gains.add_posture_torque(robot.configuration(), tau_sec);
-        if let Some(moving) = &mut self.moving {
+        if let Some(moving) = self.moving.as_mut().filter(|moving| moving.has_moved()) {
             moving.update_torque(robot, gains);
             tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
         }

@@ -90,8 +90,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
     /// Makes what it needs of `controller`, so that no cycle allocates.
     pub(super) fn reserve(&self, controller: &mut Controller<S::State, D, M>) {
         if let Some(joints) = self.joints() {
-            controller.move_posture(joints, &Pace { time: 0.0, speed: 0.0, change: 0.0 });
-            controller.leave_plan();
+            controller.reserve_plan(joints);
         }
     }
 

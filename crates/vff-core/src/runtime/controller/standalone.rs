@@ -2,6 +2,7 @@
 
 mod aside;
 mod made;
+mod placing;
 mod succession;
 
 use super::fading::Fading;
@@ -10,7 +11,7 @@ use super::{
     AnyController, CycleError, ErasedController, FromNumbers, Reading, Scalars, SuccessionError,
     Surroundings, Target, TermsView,
 };
-use crate::control::output::{BeginError, Clock, Phase, Supervisor};
+use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
@@ -75,22 +76,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// The time of the loop \[s\] when the clock of its states says `t`: another one where that was set.
     fn loop_time(&self, t: f64) -> f64 {
         t - self.supervisor.as_ref().map_or(0.0, |supervisor| supervisor.clock_ahead())
-    }
-
-    /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over that clock may have been
-    /// set since the last state: what is said to be a second away from now is now. Before its first state, a time that lies back
-    /// is of another clock than the last loop's, and the obstacles are where they were.
-    fn world_time(&mut self, t: f64) -> f64 {
-        let at = self.loop_time(t) - self.epoch;
-        let Some(supervisor) = &self.supervisor else { return at };
-        match (supervisor.now().map(|now| now - self.epoch), self.reached) {
-            (Some(now), _) if (at - now).abs() > Clock::LONGEST => now,
-            (None, Some(reached)) if at < reached - Clock::LONGEST => {
-                self.epoch = t - reached;
-                reached
-            }
-            _ => at,
-        }
     }
 
     /// Takes in a state at a time of the loop, and returns the time since the last one \[s\].
@@ -218,8 +203,10 @@ where
     }
 
     fn exchange(&mut self, other: &mut Surroundings, epoch: f64) {
+        let now = self.world.time() + self.epoch;
         swap(&mut self.world, other.0.downcast_mut().expect("obstacles of the arm's space"));
         self.epoch = self.loop_time(epoch);
+        self.world.update((now - self.epoch).max(0.0)); // what points have no time of is of now
         self.reached = None;
         self.placed.clear();
         self.reserve();
@@ -277,23 +264,7 @@ where
     }
 
     fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) -> f64 {
-        let [position, velocity] = [position, velocity].map(Vector::<D>::from_column_slice);
-        let t = self.world_time(t);
-        let Self { world, placed, settings, .. } = self;
-        let Some(speed) = settings.command.obstacle_speed else {
-            world.place(j, t, position, velocity);
-            return 0.0;
-        };
-        let here = world.position_at(j, t);
-        let (way, last) = (position - here, placed[j]);
-        let (distance, since) = (way.norm(), last.map(|last| (t - last).max(0.0)));
-        placed[j] = Some(last.map_or(t, |last| last.max(t)));
-        if since.is_none_or(|since| distance <= speed * since) {
-            world.place(j, t, position, velocity.cap_magnitude(speed));
-            return 0.0;
-        }
-        world.place(j, t, here, way * (speed / distance));
-        distance
+        self.place_at(j, t, [position, velocity].map(Vector::<D>::from_column_slice))
     }
 
     fn turn(

@@ -40,6 +40,7 @@ impl SimulatedRobot {
         if arm.is_some() {
             *gravity = Gravity::Controller; // once is enough
         }
+        scenario.replan = None; // that is for who drives it
         scenario.validate()?;
         let ready = scenario.prepare_recorded(false)?;
         notes.extend(ready.warnings);

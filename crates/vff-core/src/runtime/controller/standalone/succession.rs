@@ -65,10 +65,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         swap(&mut self.aside, &mut next.aside);
         self.left_out = self.left_out.with(fading.controller.left_out());
         self.keep_time();
-        let Self { controller, world, supervisor, .. } = self;
+        let Self { controller, world, supervisor, settings, .. } = self;
         let before = &fading.controller;
         controller.observe(before.robot().configuration(), before.robot().velocity(), world);
         controller.take_over(before);
+        if settings.posture.is_none() {
+            controller.keep_posture_of(before);
+        }
         if let Some(supervisor) = supervisor {
             supervisor.exchange_robot(&mut fading.robots[0], controller);
         }

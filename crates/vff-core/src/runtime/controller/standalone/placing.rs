@@ -1,0 +1,50 @@
+//! Where obstacles are that somebody has seen, by the clock of whoever saw them.
+
+use super::Standalone;
+use crate::control::output::Clock;
+use crate::math::Vector;
+use crate::simulation::System;
+
+impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
+    /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over that clock may have been
+    /// set since the last state: what is said to be a second away from now is now. Before its first state, a time that lies back
+    /// is of another clock than the last loop's, and the obstacles are where they were.
+    pub(super) fn world_time(&mut self, t: f64) -> f64 {
+        let at = self.loop_time(t) - self.epoch;
+        let Some(supervisor) = &self.supervisor else { return at };
+        match (supervisor.now().map(|now| now - self.epoch), self.reached) {
+            (Some(now), _) if (at - now).abs() > Clock::LONGEST => now,
+            (None, Some(reached)) if at < reached - Clock::LONGEST => {
+                self.epoch = t - reached;
+                reached
+            }
+            _ => at,
+        }
+    }
+
+    /// Obstacle `j` was seen at a `position` \[m\] at `t` \[s\] and goes on at a `velocity` \[m/s\]; how far from where it may be
+    /// \[m\] that is, if it is doubted.
+    pub(super) fn place_at(
+        &mut self,
+        j: usize,
+        t: f64,
+        [position, velocity]: [Vector<D>; 2],
+    ) -> f64 {
+        let t = self.world_time(t);
+        let Self { world, placed, settings, .. } = self;
+        let Some(speed) = settings.command.obstacle_speed else {
+            world.place(j, t, position, velocity);
+            return 0.0;
+        };
+        let here = world.position_at(j, t);
+        let (way, last) = (position - here, placed[j]);
+        let (distance, since) = (way.norm(), last.map(|last| (t - last).max(0.0)));
+        placed[j] = Some(last.map_or(t, |last| last.max(t)));
+        if since.is_none_or(|since| distance <= speed * since) {
+            world.place(j, t, position, velocity.cap_magnitude(speed));
+            return 0.0;
+        }
+        world.place(j, t, here, way * (speed / distance));
+        distance
+    }
+}
