@@ -2,6 +2,7 @@
 
 use super::driver::Driver;
 use crate::control::Gravity;
+use crate::math::ScalarOrVec;
 use crate::runtime::arm::{AnyArm, AnyState};
 use crate::runtime::real_time::at_rate;
 use crate::runtime::run::AnyRun;
@@ -40,7 +41,10 @@ impl SimulatedRobot {
         if arm.is_some() {
             *gravity = Gravity::Controller; // once is enough
         }
-        scenario.replan = None; // that is for who drives it
+        if scenario.replan.take().is_some() && scenario.controller.posture.is_none() {
+            // Plans are for who drives it, and its own law has none to pull to.
+            scenario.controller.posture_stiffness = ScalarOrVec::Uniform(0.0);
+        }
         scenario.validate()?;
         let ready = scenario.prepare_recorded(false)?;
         notes.extend(ready.warnings);
