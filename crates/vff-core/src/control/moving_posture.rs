@@ -55,6 +55,11 @@ impl MovingPosture {
         self.course != Course::None
     }
 
+    /// Whether it is on one.
+    pub fn is_along(&self) -> bool {
+        self.course == Course::Along
+    }
+
     /// Goes on as another one of as many joints.
     pub fn take_over(&mut self, other: &Self) {
         self.course = other.course;

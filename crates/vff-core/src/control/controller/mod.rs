@@ -157,13 +157,17 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
     pub fn reserve_plan(&mut self, joints: &JointSpline) {
         self.reactive.reserve_plan(joints);
         if let Some(preview) = &mut self.preview {
+            // Room for a posture is had by having one.
+            let mut moved = self.reactive.gains.clone();
+            moved.move_posture(joints.first());
+            preview.rest_at_posture_of(&moved);
             preview.rest_at_posture_of(&self.reactive.gains);
         }
     }
 
     /// [`ReactiveController::keep_posture_of`].
-    pub fn keep_posture_of(&mut self, other: &Self) {
-        self.reactive.keep_posture_of(&other.reactive);
+    pub fn keep_posture_of(&mut self, other: &Self, has_own: bool) {
+        self.reactive.keep_posture_of(&other.reactive, has_own);
         if let Some(preview) = &mut self.preview {
             preview.rest_at_posture_of(&self.reactive.gains);
         }

@@ -159,10 +159,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.keep(None);
     }
 
-    /// Lets the posture be where another controller has moved it, and go on as there, if it has.
-    pub fn keep_posture_of(&mut self, other: &Self) {
+    /// Lets the posture be where another controller has moved it, and go on as there, if it has; one that `has_own` posture does so
+    /// along a plan alone, not where that was left.
+    pub fn keep_posture_of(&mut self, other: &Self, has_own: bool) {
         if let (Some(moving), Some(other)) = (&mut self.moving, &other.moving)
-            && other.has_moved()
+            && (other.is_along() || other.has_moved() && !has_own)
         {
             moving.take_over(other);
             self.gains.move_posture(&moving.state[0]);

@@ -52,7 +52,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             let (q, dq) = (of.robot().configuration(), of.robot().velocity());
             self.controller.observe(q, dq, &mut self.world);
             self.controller.take_over(of);
-            self.controller.keep_posture_of(of);
+            self.controller.keep_posture_of(of, false);
         }
         self.is_aside = true;
     }

@@ -69,9 +69,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let before = &fading.controller;
         controller.observe(before.robot().configuration(), before.robot().velocity(), world);
         controller.take_over(before);
-        if settings.posture.is_none() {
-            controller.keep_posture_of(before);
-        }
+        controller.keep_posture_of(before, settings.posture.is_some());
         if let Some(supervisor) = supervisor {
             supervisor.exchange_robot(&mut fading.robots[0], controller);
         }
