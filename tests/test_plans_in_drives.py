@@ -184,6 +184,7 @@ def test_another_plan_is_within_its_limits_and_begins_before_what_is_in_the_way(
     post = vff.Obstacle.capsule([0.42, 0.1, -0.1], [0.42, 0.1, 0.85], 0.04)
     robot, drive = driven(scene, scene, 4.0, p900=lambda drive: drive.set_obstacles([post]), **acts)
     assert drive.report is not None and drive.report.status == "completed"
+    assert any(replan.taken is not None for replan in drive.report.replans)
     first = next(replan for replan in drive.report.replans if replan.reason == "blocked")
     speed = np.abs(np.diff(np.array(planned), axis=0)) / 1e-3 / np.asarray(PANDA.velocity_limits)
     until = 1000 if first.taken is None else int(1e3 * (first.taken - 0.9)) + 600

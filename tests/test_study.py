@@ -218,6 +218,15 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"factors": [GAIN, {"key": "controller.field", "values": [{"gain": 1.0}, {"gain": 2.0}]}]},
         "factors[1]: controller.field takes the place of controller.field.gain, which gain changes before",
     ),
+    "brackets": (
+        {
+            "factors": [
+                {"key": "obstacles[0].position[0]", "values": [1.0, 2.0]},
+                {"key": "obstacles.0.position", "values": [[1.0, 2.0], [2.0, 1.0]]},
+            ]
+        },
+        "factors[1]: obstacles.0.position takes the place of obstacles.0.position.0",
+    ),
     "text": (
         {"factors": [{"name": "a", "choices": {1: {"duration": 1.0}, "1": {"duration": 2.0}}}]},
         "factors[0].choices: two names are the same as text",

@@ -81,6 +81,27 @@ fn a_doubted_obstacle_stays_a_number() {
     }
 }
 
+/// One that moves, and is seen twice at one time, goes on as it does.
+#[test]
+fn what_is_seen_twice_does_not_fly_off() {
+    let mut cell = Cell::new(&format!("{FIELD}command = {{ obstacle_speed = 2.0 }}"));
+    let mut last = None;
+    for k in 0..600 {
+        let t = 1e3 + H * f64::from(k);
+        if k % 50 == 0 {
+            let seen = [BALL[0], BALL[1] + 0.1 * (t - 1e3), BALL[2]];
+            for noise in [0.0, 1e-3] {
+                let seen = seen.map(|x| x + noise);
+                cell.controller.place(0, t, &seen, &[0.0, 0.1, 0.0]);
+            }
+        }
+        cell.cycle(t);
+        let distance = cell.distance();
+        assert!(last.is_none_or(|last: f64| (distance - last).abs() < 1e-3), "{k}: {distance}");
+        last = Some(distance);
+    }
+}
+
 /// What moves goes on from where it is when another loop begins on another clock.
 #[test]
 fn another_loop_finds_obstacles_where_they_are() {

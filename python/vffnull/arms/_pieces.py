@@ -116,10 +116,15 @@ def _rounded(hulls: list[Hull], count: int, overlap: float) -> list[Hull]:
     while len(fewer) < count:
         larger = [less.volume - hull.volume for hull, less in fewer]
         worst = int(np.argmax(larger))
-        cut = halves(fewer[worst][0], overlap) if larger[worst] > 0.0 else None
-        if cut is None:
+        cut: list[tuple[Hull, Hull]] = []
+        with suppress(
+            extra("scipy.spatial", "meshes").QhullError
+        ):  # what is too thin to be cut stays as it is
+            two = halves(fewer[worst][0], overlap) if larger[worst] > 0.0 else None
+            cut = [(half, simplified(half)) for half in two or ()]
+        if not cut:
             break
-        fewer[worst : worst + 1] = [(half, simplified(half)) for half in cut]
+        fewer[worst : worst + 1] = cut
     return [less for _, less in fewer]
 
 

@@ -211,7 +211,10 @@ def _check_names(plan: Plan) -> None:
                 f"factors[{i}].name: {factor.name!r} is the name of another column; give it one of its own"
             )
         taken.add(factor.name)
-        for key in factor.touched:
+        touched = [
+            re.sub(r"\[(\d+)\]", r".\1", key) for key in factor.touched
+        ]  # an index in brackets is the same
+        for key in touched:
             if key in keys:
                 raise InputError(f"factors[{i}]: {key} is changed by {keys[key]}, too")
             if part := next((each for each in keys if each.startswith(f"{key}.")), None):
@@ -219,7 +222,7 @@ def _check_names(plan: Plan) -> None:
                     f"factors[{i}]: {key} takes the place of {part}, which {keys[part]} changes before; "
                     "put this factor first"
                 )
-        keys |= dict.fromkeys(factor.touched, factor.name)
+        keys |= dict.fromkeys(touched, factor.name)
     if plan.records is not None and plan.has_scenes:
         kinds = plan.base.to_dict()["scenes"]
         if any(len(kinds.get(each, ())) > 1 for each in ("joints", "arms", "tasks")):

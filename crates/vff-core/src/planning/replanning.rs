@@ -266,6 +266,8 @@ where
             && !self.settings.reaches::<S, D, M>(&plan, moment, self.arm.limits())
         {
             asked.status = Some("given up");
+            self.wait[0] = moment.t + self.wait[1];
+            self.wait[1] = (2.0 * self.wait[1]).min(PAUSES[1]);
             return None;
         }
         asked.taken = Some(moment.t);

@@ -331,13 +331,13 @@ where
         self.come_back();
         let is_first =
             self.supervisor.as_ref().is_some_and(|supervisor| supervisor.now().is_none());
-        if let Some(reading) = reading.filter(|_| is_first) {
-            self.world_time(reading.t);
-        }
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
         let admitted = |Reading { t, q, dq }| Some((supervisor.admit(t, q, dq)?, q, dq));
         let news = reading.and_then(admitted);
         if let Some((t, q, dq)) = news {
+            if is_first {
+                self.begin_at(t);
+            }
             let elapsed = self.observe_at(q, dq, t);
             self.reached = Some(t - self.epoch);
             supervisor.report(&mut self.controller, elapsed);

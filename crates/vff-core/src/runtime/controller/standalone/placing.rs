@@ -9,16 +9,23 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over that clock may have been
     /// set since the last state: what is said to be a second away from now is now. Before its first state, a time that lies back
     /// is of another clock than the last loop's, and the obstacles are where they were.
-    pub(super) fn world_time(&mut self, t: f64) -> f64 {
+    pub(super) fn world_time(&self, t: f64) -> f64 {
         let at = self.loop_time(t) - self.epoch;
         let Some(supervisor) = &self.supervisor else { return at };
         match (supervisor.now().map(|now| now - self.epoch), self.reached) {
             (Some(now), _) if (at - now).abs() > Clock::LONGEST => now,
-            (None, Some(reached)) if at < reached - Clock::LONGEST => {
-                self.epoch = t - reached;
-                reached
-            }
+            (None, Some(reached)) if at < reached - Clock::LONGEST => reached,
             _ => at,
+        }
+    }
+
+    /// The first state of a loop that is watched over is of time `t` \[s\]: where that lies back, time goes on from what the last
+    /// loop has reached.
+    pub(super) fn begin_at(&mut self, t: f64) {
+        if let Some(reached) =
+            self.reached.filter(|reached| t - self.epoch < reached - Clock::LONGEST)
+        {
+            self.epoch = t - reached;
         }
     }
 
@@ -44,7 +51,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             world.place(j, t, position, velocity.cap_magnitude(speed));
             return 0.0;
         }
-        world.place(j, t, here, way * (speed / distance));
+        // What is seen elsewhere at the same time tells nothing of how it moves.
+        let is_later = since.is_some_and(|since| since > 0.0);
+        let velocity =
+            if is_later { way * (speed / distance) } else { velocity.cap_magnitude(speed) };
+        world.place(j, t, here, velocity);
         distance
     }
 }
