@@ -70,36 +70,36 @@ def enclosing(surface: Any, count: int) -> list[Hull]:
     """
     if count == 1:
         return [simplified(Hull(np.asarray(surface.vertices, float)))]
-    hulls = [Hull(part) for part in _parts(surface, count)]
+    hulls = _parts(surface, count)
     points, faces, beyond = _across(hulls, surface)
     nearest = np.where(beyond.min(axis=0) > _rounding(surface), beyond.argmin(axis=0), -1)
     added = (np.unique(faces[nearest == k]) for k in range(len(hulls)))
     wide = [Hull(np.vstack([hull.corners, points[each]])) for hull, each in zip(hulls, added, strict=True)]
-    return _rounded(wide, count, SPACING * float(np.linalg.norm(surface.extents)))
+    return _rounded(wide, count, _spacing(surface))
 
 
-def _parts(surface: Any, count: int) -> list[Array]:
-    """The vertices of the parts of a surface: its bodies, and what those with a hollow are cut into."""
-    bodies = [(body, Hull(np.asarray(body.vertices, float))) for body in _bodies(surface)]
+def _parts(surface: Any, count: int) -> list[Hull]:
+    """The hulls of the parts of a surface: its bodies, and what those with a hollow are cut into."""
+    bodies = _bodies(surface)
     if not 1 <= len(bodies) <= count:
         return _cut(surface, count)
-    parts: list[Array] = []
+    parts: list[Hull] = []
     spare = count - len(bodies)
     for hollow, body, hull in sorted(((_hollow(*each), *each) for each in bodies), key=lambda each: -each[0]):
-        cut = _cut(body, spare + 1) if spare and hollow > HOLLOW * hull.volume else [hull.corners]
+        cut = _cut(body, spare + 1) if spare and hollow > HOLLOW * hull.volume else [hull]
         parts += cut
         spare -= len(cut) - 1
     return parts
 
 
-def _bodies(surface: Any) -> list[Any]:
-    """What of a surface hangs together, without what has next to no volume."""
+def _bodies(surface: Any) -> list[tuple[Any, Hull]]:
+    """What of a surface hangs together, and its hull, without what has next to no volume."""
     bodies = []
     for body in surface.split(only_watertight=False):
         with suppress(extra("scipy.spatial", "meshes").QhullError):
-            bodies.append((Hull(np.asarray(body.vertices, float)).volume, body))
-    least = SMALL * max((volume for volume, _ in bodies), default=0.0)
-    return [body for volume, body in bodies if volume > least]
+            bodies.append((body, Hull(np.asarray(body.vertices, float))))
+    least = SMALL * max((hull.volume for _, hull in bodies), default=0.0)
+    return [(body, hull) for body, hull in bodies if hull.volume > least]
 
 
 def _hollow(body: Any, hull: Hull) -> float:
@@ -117,9 +117,8 @@ def _rounded(hulls: list[Hull], count: int, overlap: float) -> list[Hull]:
         larger = [less.volume - hull.volume for hull, less in fewer]
         worst = int(np.argmax(larger))
         cut: list[tuple[Hull, Hull]] = []
-        with suppress(
-            extra("scipy.spatial", "meshes").QhullError
-        ):  # what is too thin to be cut stays as it is
+        # What is too thin to be cut stays as it is.
+        with suppress(extra("scipy.spatial", "meshes").QhullError):
             two = halves(fewer[worst][0], overlap) if larger[worst] > 0.0 else None
             cut = [(half, simplified(half)) for half in two or ()]
         if not cut:
@@ -146,10 +145,14 @@ def _across(hulls: Sequence[Hull], surface: Any) -> tuple[Array, NDArray[Any], A
     across = beyond.min(axis=0) > _rounding(surface)
     if len(hulls) == 1 or not across.any():
         return points, faces, beyond
-    longest = SPACING * float(np.linalg.norm(surface.extents))
     trimesh = extra("trimesh", "meshes")
-    points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], longest, max_iter=20)
+    points, faces = trimesh.remesh.subdivide_to_size(points, faces[across], _spacing(surface), max_iter=20)
     return points, faces, _beyond(hulls, points, faces)
+
+
+def _spacing(surface: Any) -> float:
+    """How long the edges are of triangles that lie across a cut, and how far halves overlap [m]."""
+    return SPACING * float(np.linalg.norm(surface.extents))
 
 
 def _rounding(surface: Any) -> float:
@@ -173,8 +176,8 @@ np.savez(sys.argv[2], *(points for points, _ in parts))
 """
 
 
-def _cut(surface: Any, pieces: int) -> list[Array]:
-    """The vertices of the parts that CoACD makes of a surface, in a process that Ctrl-C ends."""
+def _cut(surface: Any, pieces: int) -> list[Hull]:
+    """The hulls of the parts that CoACD makes of a surface, in a process that Ctrl-C ends."""
     extra("coacd", "meshes")
     with tempfile.TemporaryDirectory() as folder:
         given, found, said = (Path(folder) / name for name in ("given.npz", "found.npz", "said.txt"))
@@ -192,4 +195,4 @@ def _cut(surface: Any, pieces: int) -> list[Array]:
         if process.returncode:
             raise InputError(f"CoACD cannot cut this mesh: {said.read_text(errors='replace')[-300:]}")
         with np.load(found) as parts:
-            return [np.asarray(parts[name], float) for name in parts]
+            return [Hull(np.asarray(parts[name], float)) for name in parts]

@@ -192,9 +192,14 @@ def put(document: Document, name: str, value: object) -> None:
         place[last] = plain(value, name)
 
 
+def dotted(name: str) -> str:
+    """The name with dots alone; an index may also stand in brackets, as in ``obstacles[0].position``."""
+    return re.sub(r"\[(\d+)\]", r".\1", name)
+
+
 def _parts(name: str) -> list[str]:
-    """The keys of a dotted name; an index may also stand in brackets, as in ``obstacles[0].position``."""
-    return re.sub(r"\[(\d+)\]", r".\1", name).split(".")
+    """The keys of a dotted name."""
+    return dotted(name).split(".")
 
 
 def _index(place: list[Any], key: str, name: str) -> int:

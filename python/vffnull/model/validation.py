@@ -9,7 +9,7 @@ from typing import Any, Literal
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError
 from vffnull.model.arm import arm_of, is_spatial
-from vffnull.model.document import Document
+from vffnull.model.document import Document, dotted
 
 __all__ = ["faults"]
 
@@ -184,7 +184,7 @@ def _together(whole: Document, base: Document) -> list[str]:
 
 def _path(error: ScenarioError) -> str:
     """The dotted path of the key to blame, an unknown one included."""
-    path = re.sub(r"\[(\d+)\]", r".\1", error.path)
+    path = dotted(error.path)
     unknown = re.search(r"unknown key `([^`]*)`", str(error))
     if unknown and path.rpartition(".")[2] != unknown[1]:
         path = f"{path}.{unknown[1]}" if path else unknown[1]

@@ -204,10 +204,11 @@ def evaluate(
     seen: set[str] = set()
     with counted(progress, total) as report:
         for first in range(0, len(drawn), _BLOCK):
-            made = {scene.name: scene for scene in (make() for make in drawn[first : first + _BLOCK])}
+            makers = drawn[first : first + _BLOCK]
+            made = {scene.name: scene for scene in (make() for make in makers)}
             block = [scene for name, scene in made.items() if name not in seen]  # one may be of two kinds
             seen |= made.keys()
-            total -= (len(drawn[first : first + _BLOCK]) - len(block)) * len(compared)
+            total -= (len(makers) - len(block)) * len(compared)
             rows += _block(block, compared, threads, verdicts or {})
             if report is not None:
                 report(len(rows), total)

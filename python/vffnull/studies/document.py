@@ -11,7 +11,7 @@ import numpy as np
 
 import vffnull._core as _core
 from vffnull._support.errors import InputError, InputTypeError, ScenarioError
-from vffnull.model.document import plain
+from vffnull.model.document import dotted, plain
 from vffnull.model.keys import nearest
 from vffnull.model.record import QUANTITIES
 from vffnull.model.scenario import check_overrides, with_hint
@@ -211,9 +211,7 @@ def _check_names(plan: Plan) -> None:
                 f"factors[{i}].name: {factor.name!r} is the name of another column; give it one of its own"
             )
         taken.add(factor.name)
-        touched = [
-            re.sub(r"\[(\d+)\]", r".\1", key) for key in factor.touched
-        ]  # an index in brackets is the same
+        touched = [dotted(key) for key in factor.touched]
         for key in touched:
             if key in keys:
                 raise InputError(f"factors[{i}]: {key} is changed by {keys[key]}, too")
@@ -264,7 +262,7 @@ def _placed(plan: Plan, error: ScenarioError, row: Array) -> ScenarioError:
     """The error with the place in the study that is to blame, and keys that may have been meant."""
     base = plan.base.document(0, {})
     error = with_hint(error, plan.changes(0, row), base)
-    text, path = str(error), re.sub(r"\[(\d+)\]", r".\1", error.path)
+    text, path = str(error), dotted(error.path)
     unknown = re.search(r"unknown key `([^`]*)`", text)
     keys = [(f"factors[{i}]", key) for i, factor in enumerate(plan.factors) for key in factor.touched]
     for place, key in [*keys, *(("overrides", key) for key in plan.overrides)]:

@@ -10,7 +10,7 @@ use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
 use crate::math::{Pose, Vector};
 use crate::planned_reference::follow_plan;
-use crate::robot::{Limits, Manipulator, Model, Robot};
+use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
 use crate::trajectory::{JointSpline, Pace, Trajectory};
@@ -234,6 +234,25 @@ where
         }
     }
 
+    /// Whether a plan comes too late: the old one, where it is now, cannot be left for it within `blend` with what `speed` leaves of
+    /// the limits. An arm that is not on the old one any more has another way to go.
+    fn is_late(&self, plan: &Plan, moment: &Moment<'_, S, D, M>) -> bool {
+        let is_blocked = self.searches.last().is_some_and(|asked| asked.reason == Reason::Blocked);
+        let old =
+            moment.reference.joints().filter(|_| is_blocked && plan.status == PlanStatus::Found);
+        let Some(old) = old else { return false };
+        let mut state = [0; 3].map(|_| moment.q.to_vec());
+        old.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
+        let ReplanSettings { blend, speed, .. } = self.settings;
+        let most = |i: usize| {
+            let fastest = self.arm.limits().velocity.get(i).copied().unwrap_or(MAX_SPEED);
+            let ways = [fastest * blend, MAX_ACCELERATION[D - 2] * blend * blend];
+            let way = (ways[0] / QUINTIC[0]).min(ways[1] / QUINTIC[1]);
+            ((1.0 - speed) * way).max(NEXT_TO)
+        };
+        state[0].iter().zip(&plan.q).enumerate().any(|(i, (old, new))| (old - new).abs() > most(i))
+    }
+
     /// Takes a plan over that has come.
     fn receive(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
         let plan = match &mut self.search {
@@ -254,22 +273,15 @@ where
             None => return None,
         };
         self.search = None;
+        let is_late = plan.as_ref().is_some_and(|plan| self.is_late(plan, moment));
         let status = plan.as_ref().map_or("failed", |plan| plan.status.name());
         let asked = self.searches.last_mut().expect("there has been one");
-        asked.status = Some(status);
-        let Some(plan) = plan.filter(|plan| plan.status == PlanStatus::Found) else {
+        asked.status = Some(if is_late { "given up" } else { status });
+        let Some(plan) = plan.filter(|plan| plan.status == PlanStatus::Found && !is_late) else {
             self.wait[0] = moment.t + self.wait[1];
             self.wait[1] = (2.0 * self.wait[1]).min(PAUSES[1]);
             return None;
         };
-        if asked.reason == Reason::Blocked
-            && !self.settings.reaches::<S, D, M>(&plan, moment, self.arm.limits())
-        {
-            asked.status = Some("given up");
-            self.wait[0] = moment.t + self.wait[1];
-            self.wait[1] = (2.0 * self.wait[1]).min(PAUSES[1]);
-            return None;
-        }
         asked.taken = Some(moment.t);
         self.wait = [moment.t + PAUSES[0], PAUSES[0]];
         self.kept = plan.margin;
@@ -542,27 +554,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             (self.q, self.margins) = (state, margins);
         }
         least
-    }
-}
-
-impl ReplanSettings {
-    /// Whether the old plan, where it is now, can be left for the new one within `blend`, with what its `speed` leaves of the limits.
-    fn reaches<S: System<D, M>, const D: usize, const M: usize>(
-        &self,
-        plan: &Plan,
-        moment: &Moment<'_, S, D, M>,
-        limits: &Limits,
-    ) -> bool {
-        let Some(old) = moment.reference.joints() else { return true };
-        let mut state = [0; 3].map(|_| moment.q.to_vec());
-        old.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
-        let most = |i: usize| {
-            let speed = limits.velocity.get(i).copied().unwrap_or(MAX_SPEED);
-            let ways = [speed * self.blend, MAX_ACCELERATION[D - 2] * self.blend * self.blend];
-            let way = (ways[0] / QUINTIC[0]).min(ways[1] / QUINTIC[1]);
-            ((1.0 - self.speed) * way).max(NEXT_TO)
-        };
-        state[0].iter().zip(&plan.q).enumerate().all(|(i, (old, new))| (old - new).abs() <= most(i))
     }
 }
 

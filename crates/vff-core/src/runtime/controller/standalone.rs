@@ -161,6 +161,12 @@ where
             self.act(&here, |_| here);
         }
     }
+
+    /// The same asked by somebody, which is no cycle of a loop that is watched over.
+    fn ask_for(&mut self, target: Option<&Target<'_>>) {
+        self.step_aside();
+        self.act_for(target, self.supervisor.is_none());
+    }
 }
 
 impl<S, const D: usize, const M: usize> ErasedController for Standalone<S, D, M>
@@ -430,8 +436,7 @@ where
 
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
         S::State::check(target)?;
-        self.step_aside();
-        self.act_for(Some(target), self.supervisor.is_none());
+        self.ask_for(Some(target));
         Ok(self.converted())
     }
 
@@ -441,8 +446,7 @@ where
         out: &mut [f64],
     ) -> Result<(), NotARotation> {
         target.map_or(Ok(()), S::State::check)?;
-        self.step_aside();
-        self.act_for(target, self.supervisor.is_none());
+        self.ask_for(target);
         let Self { controller, scratch, .. } = self;
         controller.robot().accelerate(&controller.torque().total, controller.bias(), scratch, out);
         Ok(())
@@ -486,8 +490,7 @@ where
     }
 
     fn follow(&mut self) -> &[f64] {
-        self.step_aside();
-        self.act_for(None, self.supervisor.is_none());
+        self.ask_for(None);
         self.converted()
     }
 

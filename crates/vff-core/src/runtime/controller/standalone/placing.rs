@@ -12,19 +12,22 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     pub(super) fn world_time(&self, t: f64) -> f64 {
         let at = self.loop_time(t) - self.epoch;
         let Some(supervisor) = &self.supervisor else { return at };
-        match (supervisor.now().map(|now| now - self.epoch), self.reached) {
-            (Some(now), _) if (at - now).abs() > Clock::LONGEST => now,
-            (None, Some(reached)) if at < reached - Clock::LONGEST => reached,
-            _ => at,
+        match supervisor.now().map(|now| now - self.epoch) {
+            Some(now) if (at - now).abs() > Clock::LONGEST => now,
+            Some(_) => at,
+            None => self.gone_back(at).unwrap_or(at),
         }
+    }
+
+    /// What the last loop has reached, if `at` \[s\] lies so far before that its clock is another one.
+    fn gone_back(&self, at: f64) -> Option<f64> {
+        self.reached.filter(|reached| at < reached - Clock::LONGEST)
     }
 
     /// The first state of a loop that is watched over is of time `t` \[s\]: where that lies back, time goes on from what the last
     /// loop has reached.
     pub(super) fn begin_at(&mut self, t: f64) {
-        if let Some(reached) =
-            self.reached.filter(|reached| t - self.epoch < reached - Clock::LONGEST)
-        {
+        if let Some(reached) = self.gone_back(t - self.epoch) {
             self.epoch = t - reached;
         }
     }
@@ -52,7 +55,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             return 0.0;
         }
         // What is seen elsewhere at the same time tells nothing of how it moves.
-        let is_later = since.is_some_and(|since| since > 0.0);
+        let is_later = since > Some(0.0);
         let velocity =
             if is_later { way * (speed / distance) } else { velocity.cap_magnitude(speed) };
         world.place(j, t, here, velocity);

@@ -48,12 +48,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             return Err(SuccessionError::Succeeding);
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
-        if next.kin != self.kin {
-            return Err(SuccessionError::Another);
-        }
-        let Some(mut fading) = next.fading.take() else {
-            return Err(SuccessionError::Another);
-        };
+        let room = if next.kin == self.kin { next.fading.take() } else { None };
+        let mut fading = room.ok_or(SuccessionError::Another)?;
         if self.spoilt {
             self.reset();
         }
