@@ -5,7 +5,7 @@ use std::io;
 use vff_core::control::output::BeginError;
 use vff_core::math::rotation::NotARotation;
 use vff_core::perception::PerceptionError;
-use vff_core::runtime::{CycleError, PointsError, SuccessionError, VirtualArmError};
+use vff_core::runtime::{CycleError, MissedStart, PointsError, SuccessionError, VirtualArmError};
 use vff_core::scenario::ScenarioError;
 
 /// What a call came to. Whatever is not `VFF_STATUS_OK` has changed nothing, has written nothing, and has left a sentence in
@@ -25,7 +25,7 @@ pub enum Status {
     Document = 4,
     /// A file cannot be read.
     File = 5,
-    /// The numbers are no reference: the quaternion is not of norm 1.
+    /// The numbers are no reference: the quaternion is not of norm 1. Or the robot is not where that of the scenario begins.
     Reference = 6,
     /// There is no reference yet.
     NoReference = 7,
@@ -98,6 +98,8 @@ pub(crate) enum Fault {
     Torque,
     #[error(transparent)]
     TooLong(BeginError),
+    #[error(transparent)]
+    Elsewhere(MissedStart),
     #[error("no loop has begun: call vff_controller_begin first")]
     NotBegun,
     #[error("there is no set point: call vff_controller_begin_set_points first")]
@@ -159,6 +161,7 @@ impl From<CycleError> for Fault {
         match error {
             CycleError::NotBegun => Self::NotBegun,
             CycleError::Target(fault) => Self::Reference(fault),
+            CycleError::Elsewhere(missed) => Self::Elsewhere(missed),
         }
     }
 }
@@ -171,7 +174,7 @@ impl Fault {
             Self::NotFinite { .. } | Self::NoPeriod(_) => Status::NotFinite,
             Self::NotText { .. } | Self::Document(_) => Status::Document,
             Self::File { .. } => Status::File,
-            Self::Reference(_) => Status::Reference,
+            Self::Reference(_) | Self::Elsewhere(_) => Status::Reference,
             Self::NoReference | Self::NoScenario => Status::NoReference,
             Self::NotObserved | Self::NoTorque => Status::NotObserved,
             Self::NoObstacle(_) => Status::NoObstacle,

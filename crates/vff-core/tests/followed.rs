@@ -1,7 +1,7 @@
 //! A plan in somebody else's loop: clock, posture and margins are those of a simulation.
 
 use vff_core::control::output::Phase;
-use vff_core::runtime::{AnyController, Reading, Target};
+use vff_core::runtime::{AnyController, CycleError, Reading, Target};
 use vff_core::scenario::Scenario;
 
 const H: f64 = 1e-3;
@@ -123,7 +123,41 @@ fn other_references_come_in_between() {
         (0..2).all(|i| (other[i] - x[i]).abs() < 5e-3)
             && other.map(f64::to_bits) != x.map(f64::to_bits)
     );
-    assert_eq!(controller.missed_start(), None);
-    controller.observe(&[0.2, 0.3, 0.45, 0.3], &dq, 1.1);
-    assert_eq!(controller.missed_start(), Some((2, 0.45, 0.3)));
+}
+
+/// A robot that is elsewhere is not thrown to where the reference begins: the loop sends nothing new, and says why.
+#[test]
+fn a_loop_begins_where_its_reference_does() {
+    let line =
+        "[reference]\n kind = 'line'\n start = [3.0, 2.28]\n goal = [1.0, 3.0]\n duration = 3.0\n";
+    let [before, plan] = SCENE.split("[reference]").collect::<Vec<_>>()[..] else { panic!() };
+    let obstacles = plan.split_at(plan.find("[[obstacles]]").unwrap()).1;
+    let line = format!("{before}{line}{obstacles}");
+    let [near, away] = [[0.2, 0.3, 0.35, 0.3], [0.2, 0.3, 0.45, 0.3]];
+    let elsewhere = [
+        "the plan begins elsewhere: joint 2 is at 0.450, the plan has it at 0.300",
+        "the reference begins elsewhere: the end effector is 0.293 m and 0.00 rad from there, and 0.011 m and 0.00 rad at \
+         the scenario's q0",
+    ];
+    for (scene, why) in [SCENE, &line].into_iter().zip(elsewhere) {
+        let begun = || {
+            let scenario = Scenario::from_toml(scene).unwrap();
+            let mut controller = AnyController::from_scenario(&scenario).unwrap();
+            controller.begin(H, None).unwrap();
+            controller
+        };
+        let at = |t, q| Some(Reading { t, q, dq: &[0.0; 4] });
+        let mut controller = begun();
+        for t in [H, 2.0 * H, 3.0 * H] {
+            let refused = controller.cycle(at(t, &away), None).unwrap_err();
+            assert!(matches!(refused, CycleError::Elsewhere(_)));
+            assert_eq!(refused.to_string(), why);
+            assert!(controller.sent().unwrap().iter().all(|tau| tau.is_nan())); // nothing yet
+        }
+        let given = Target { x: &[2.0, 2.6], dx: &[0.0; 2], ddx: &[0.0; 2] };
+        assert_eq!(controller.cycle(at(4.0 * H, &away), Some(&given)), Ok(Phase::Starting)); // whose place others know
+        let mut controller = begun();
+        assert_eq!(controller.cycle(at(H, &near), None), Ok(Phase::Starting));
+        assert_eq!(controller.cycle(at(1.0, &away), None), Ok(Phase::Starting)); // it has begun
+    }
 }

@@ -31,7 +31,7 @@ pub mod wrenches;
 
 pub use arm::{AnyArm, AnyState, DistanceTable};
 pub use controller::{
-    AnyController, CycleError, ErasedController, Reading, SuccessionError, Target,
+    AnyController, CycleError, ErasedController, MissedStart, Reading, SuccessionError, Target,
 };
 pub use obstacles::AnyObstacles;
 pub use perceiver::read_perceiver;

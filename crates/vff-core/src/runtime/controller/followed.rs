@@ -2,6 +2,7 @@
 //! posture, its margins, and another plan where it leads nowhere any more.
 
 use crate::control::Controller;
+use crate::math::Pose;
 use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Robot};
 use crate::simulation::{Moment, Replan, Replanned, System};
@@ -13,6 +14,57 @@ use std::sync::Arc;
 
 /// How far a joint may be from where a plan begins \[rad, m\].
 const NEAR: f64 = 0.1;
+/// How much farther an end effector may be from where another reference begins than in the scenario \[m, rad\].
+const NEARLY_THERE: [f64; 2] = [0.1, 0.2];
+
+/// Where a robot is too far from the beginning of the reference of its scenario for a loop to begin: it would be thrown there.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{AnyController, CycleError, ErasedController, MissedStart, Reading};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let mut controller = AnyController::from_scenario(&scenario)?;
+/// controller.begin(0.001, None)?;
+/// let elsewhere = Reading { t: 0.0, q: &[-1.0, 0.5, -0.6], dq: &[0.0; 3] };
+/// let refused = controller.cycle(Some(elsewhere), None).unwrap_err();
+/// assert!(matches!(refused, CycleError::Elsewhere(MissedStart::EndEffector { off, .. }) if off[0] > 1.0));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum MissedStart {
+    /// A joint, from that of a plan.
+    #[error("the plan begins elsewhere: joint {joint} is at {q:.3}, the plan has it at {first:.3}")]
+    Joint {
+        /// Which, counted from 0.
+        joint: usize,
+        /// Where it is \[rad, m\].
+        q: f64,
+        /// Where it should be \[rad, m\].
+        first: f64,
+    },
+    /// The end effector, from any other reference.
+    #[error(
+        "the reference begins elsewhere: the end effector is {:.3} m and {:.2} rad from there, and {:.3} m and {:.2} rad at the scenario's q0",
+        off[0], off[1], usual[0], usual[1]
+    )]
+    EndEffector {
+        /// How far it is off in position and in orientation \[m, rad\].
+        off: [f64; 2],
+        /// How far that of the scenario is at its `q0` \[m, rad\].
+        usual: [f64; 2],
+    },
+}
 
 /// The reference of a scenario, and what becomes of it.
 #[derive(Debug, Clone)]
@@ -24,12 +76,14 @@ pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
     replanning: Option<Box<dyn Replan<S, D, M>>>,
     /// The time of the loop at which it begins \[s\]; None in a loop that is watched over, until there is a state.
     begins: Option<f64>,
+    /// Where the end effector of its scenario is then.
+    start: S::Pose,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
-    /// From time 0 on.
-    pub(super) fn new(trajectory: Trajectory<S::Pose, M>) -> Self {
-        Self { trajectory, governor: None, replanning: None, begins: Some(0.0) }
+    /// From time 0 on, when the end effector of the scenario is at `start`.
+    pub(super) fn new(trajectory: Trajectory<S::Pose, M>, start: S::Pose) -> Self {
+        Self { trajectory, governor: None, replanning: None, begins: Some(0.0), start }
     }
 
     /// From now on `replanning` watches over it, in a thread of its own.
@@ -94,13 +148,27 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         }
     }
 
-    /// Where and when a joint is too far from the beginning of the plan for a loop to begin there: its number, where it is and
-    /// where it should be \[rad, m\].
-    pub(super) fn missed_start(&self, q: &[f64]) -> Option<(usize, f64, f64)> {
-        let first = self.joints()?.first();
-        let joints = q.iter().zip(first).enumerate();
-        let far = joints.filter(|(_, (q, first))| (*q - *first).abs() > NEAR);
-        far.map(|(i, (q, first))| (i, *q, *first)).next()
+    /// Why a robot with these joints and this end effector is too far from its beginning; None where it has begun.
+    pub(super) fn missed_start(&self, q: &[f64], pose: &S::Pose) -> Option<MissedStart> {
+        if self.begins.is_some() {
+            return None;
+        }
+        if let Some(joints) = self.joints() {
+            let pairs = q.iter().zip(joints.first()).enumerate();
+            let mut far = pairs.filter(|(_, (q, first))| (*q - *first).abs() > NEAR);
+            return far.next().map(|(joint, (q, first))| MissedStart::Joint {
+                joint,
+                q: *q,
+                first: *first,
+            });
+        }
+        let begins = self.trajectory.at(0.0).x;
+        let [off, usual] = [pose, &self.start].map(|pose| {
+            let error = pose.error(&begins);
+            [error.rows(0, D).norm(), error.rows(D, M - D).norm()]
+        });
+        let is_far = |i: usize| off[i] > usual[i] + NEARLY_THERE[i];
+        (is_far(0) || is_far(1)).then_some(MissedStart::EndEffector { off, usual })
     }
 
     /// Comes to time `t` \[s\] of the loop. It begins `blend` \[s\] after the first state of a loop that is watched over, and rests at

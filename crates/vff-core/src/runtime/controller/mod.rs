@@ -27,6 +27,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use toml::Table;
 
+pub use followed::MissedStart;
 pub use target::{FromNumbers, Target};
 pub use terms::{Scalars, Terms, TermsView};
 
@@ -67,6 +68,9 @@ pub enum CycleError {
     /// The target is no reference.
     #[error(transparent)]
     Target(#[from] NotARotation),
+    /// The reference of the scenario is not begun from where the robot is.
+    #[error(transparent)]
+    Elsewhere(#[from] MissedStart),
 }
 
 /// Why a law does not take the place of another one.
@@ -393,7 +397,8 @@ pub trait ErasedController: Debug + Send {
     /// does not depend on other calls with other states in between.
     ///
     /// # Errors
-    /// If there is no loop, or the target is no reference; then nothing has changed.
+    /// If there is no loop, or the target is no reference; then nothing has changed. If there is none and the arm is not where the
+    /// reference of the scenario begins; then nothing is to be sent.
     ///
     /// # Panics
     /// If a slice has the wrong length.
@@ -509,9 +514,8 @@ pub trait ErasedController: Debug + Send {
     /// Whether it has a reference of its own, that of its scenario.
     fn has_reference(&self) -> bool;
 
-    /// Which joint is too far from where the plan begins that this reference is, where it was observed, and where it should be
-    /// \[rad, m\]; None if none is, or it is no plan.
-    fn missed_start(&self) -> Option<(usize, f64, f64)>;
+    /// Why the arm, where it was observed, is too far from where this reference begins; None if it is not, or that has begun.
+    fn missed_start(&self) -> Option<MissedStart>;
 
     /// Where the clock of this reference is \[s\]: in a loop that is watched over it begins when the torque has been blended in, and
     /// with `governor` it waits. None without such a reference.

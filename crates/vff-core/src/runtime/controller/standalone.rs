@@ -8,14 +8,14 @@ mod succession;
 use super::fading::Fading;
 use super::followed::Followed;
 use super::{
-    AnyController, CycleError, ErasedController, FromNumbers, Reading, Scalars, SuccessionError,
-    Surroundings, Target, TermsView,
+    AnyController, CycleError, ErasedController, FromNumbers, MissedStart, Reading, Scalars,
+    SuccessionError, Surroundings, Target, TermsView,
 };
 use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
-use crate::robot::{Limits, Model, Robot};
+use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
 use crate::scenario::{self, FromDocument, ScenarioError};
@@ -346,6 +346,10 @@ where
             }
             let elapsed = self.observe_at(q, dq, t);
             self.reached = Some(t - self.epoch);
+            if let Some(missed) = self.missed_start().filter(|_| target.is_none()) {
+                self.supervisor = Some(supervisor);
+                return Err(missed.into());
+            }
             supervisor.report(&mut self.controller, elapsed);
             self.left().into_iter().for_each(|left| supervisor.report_too(left));
         }
@@ -464,8 +468,9 @@ where
         self.followed.is_some()
     }
 
-    fn missed_start(&self) -> Option<(usize, f64, f64)> {
-        self.followed.as_ref()?.missed_start(self.controller.robot().configuration())
+    fn missed_start(&self) -> Option<MissedStart> {
+        let robot = self.controller.robot();
+        self.followed.as_ref()?.missed_start(robot.configuration(), &robot.pose())
     }
 
     fn path_time(&self) -> Option<f64> {

@@ -314,11 +314,8 @@ impl Inner {
         }
         if !controller.has_reference() {
             self.given = Some((now.clone(), 0.0));
-        } else if let Some((joint, q, first)) = controller.missed_start() {
-            let text = format!(
-                "the plan begins elsewhere: joint {joint} is at {q:.3}, the plan has it at {first:.3}"
-            );
-            return Err(Fault::Begin(text));
+        } else if let Some(missed) = controller.missed_start() {
+            return Err(Fault::Begin(missed.to_string()));
         }
         Ok(())
     }

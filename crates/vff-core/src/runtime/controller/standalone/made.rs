@@ -5,7 +5,7 @@ use super::Standalone;
 use crate::control::{Budget, Controller, Gains, LeftOut, Output, Settings};
 use crate::planning::motion::Jointed;
 use crate::planning::replanning::Replanner;
-use crate::robot::{Model, Robot};
+use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
 use crate::world::{CollisionQuery, ObstacleGeometry, World};
@@ -59,7 +59,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let mut this = Self::new(&arm, scenario.controller.clone());
         this.set_obstacles(scene.obstacles.clone())?;
         hide_unseen(&mut this.world, &scenario.contacts);
-        this.followed = Some(Box::new(Followed::new(trajectory)));
+        let mut start = arm.state();
+        start.update(&scenario.q0, &vec![0.0; arm.dof()]);
+        this.followed = Some(Box::new(Followed::new(trajectory, start.pose())));
         this.reserve();
         this.warnings =
             odd.into_iter().chain(scenario::misread_scene(scene, arm.reach())).collect();
