@@ -407,6 +407,10 @@ impl Robot<2> for ChainState {
         pace::<_, 2, 3>(self, 2..3, gradient)
     }
 
+    fn turning_column(&self, _i: usize) -> Vector<3> {
+        Vector::<3>::z()
+    }
+
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
         self.jacobian_mul(&self.dq)
     }

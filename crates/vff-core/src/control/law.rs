@@ -36,6 +36,13 @@ impl Torque {
         self.null.copy_from_slice(&other.null);
     }
 
+    /// Is `total` \[N·m, N\], all of it of the task.
+    pub fn set(&mut self, total: &[f64]) {
+        self.total.copy_from_slice(total);
+        self.task.copy_from_slice(total);
+        self.null.fill(0.0);
+    }
+
     /// Brings every joint's torque between its `ends` \[N·m, N\], at the cost of the task. What is not a number stays so.
     pub fn cut_to(&mut self, ends: &[[f64; 2]]) {
         for (i, [lower, upper]) in ends.iter().enumerate() {

@@ -210,6 +210,8 @@ pub trait Robot<const D: usize> {
     /// How fast the end effector turns \[rad/s\], and how fast that changes while q̈ = 0 \[rad/s²\]; writes its gradient in q̇
     /// (n), zeros at rest. A robot says by [`pace`] which parts of its twist these are.
     fn turning(&self, gradient: &mut [f64]) -> [f64; 2];
+    /// How joint `i` turns the end effector, about three axes; in the plane about the last.
+    fn turning_column(&self, i: usize) -> Vector<3>;
     /// ẋ = J q̇, the velocity of the end effector.
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M>;
     /// J̇ q̇, the acceleration of the end effector while q̈ = 0.

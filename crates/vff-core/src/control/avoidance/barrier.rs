@@ -63,6 +63,11 @@ fn usual<const D: usize>() -> Usual {
 /// beyond them.
 const JOINTS: f64 = 100.0;
 
+/// w_ω at the largest speed at which the tip may turn \[kg·m²\], beside which what turns with a wrist is light; and from which
+/// share of that speed on there is any (T198).
+const TURNING: f64 = 3.0;
+const CALM: f64 = 0.5;
+
 /// How far the motion keeps from its limits.
 #[derive(Debug, Clone, Copy)]
 struct Reserve {
@@ -156,6 +161,8 @@ pub(crate) struct Barrier {
     tip: [f64; 2],
     /// The share of that which is kept.
     tip_share: f64,
+    /// w_ω of (T198) at present \[kg·m²\].
+    turning_weight: f64,
     /// See [`Yielding`].
     rate: f64,
     slack_weight: f64,
@@ -200,6 +207,7 @@ impl Barrier {
             joints: JointBounds::new(robot, gains, [reserve.angle, reserve.joint]),
             tip: [tip_speed, tip_angular_speed].map(|most| most.unwrap_or(f64::INFINITY)),
             tip_share: reserve.tip,
+            turning_weight: 0.0,
             rate: rate(settings),
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
@@ -423,18 +431,21 @@ impl Barrier {
             self.keep_pace(robot, speed, range, |normal| pace::<R, D, D>(robot, 0..D, normal));
         }
         if turning.is_finite() {
-            self.keep_pace(robot, turning, range, |normal| robot.turning(normal));
+            let turns = self.keep_pace(robot, turning, range, |normal| robot.turning(normal));
+            let share = (turns / (self.tip_share * turning) - CALM) / (1.0 - CALM);
+            self.turning_weight = TURNING * share.clamp(0.0, 1.0);
         }
     }
 
-    /// What `measure` says is kept below `most`: it returns a speed and its rate while q̈ = 0, and writes its gradient.
+    /// What `measure` says is kept below `most`: it returns a speed and its rate while q̈ = 0, and writes its gradient. Returns the
+    /// speed.
     fn keep_pace<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
         most: f64,
         range: Option<&TorqueRange>,
         measure: impl FnOnce(&mut [f64]) -> [f64; 2],
-    ) {
+    ) -> f64 {
         let kept = self.tip_share * most;
         let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
         let n = nominal.len();
@@ -455,6 +466,7 @@ impl Barrier {
         };
         bounds.push(dot(normal, nominal) + drift - upper);
         normal.iter_mut().for_each(|x| *x = -*x);
+        speed
     }
 
     /// M, row by row.
@@ -483,6 +495,25 @@ impl Barrier {
             let (hessian, mass) = (&mut self.hessian[row.clone()], &self.mass[row]);
             for k in 0..=i {
                 hessian[k] = mass[k] + robot.jacobian_column::<M>(k).dot(&weighted);
+            }
+        }
+        if D == 3 && M < 6 && self.turning_weight > 0.0 {
+            self.weigh_turning(robot);
+        }
+    }
+
+    /// Adds w_ω J_ωᵀJ_ω (T198): where the task leaves the tip free to turn, the least of motions that slows its turning would turn it
+    /// about the lightest axis of the wrist instead, another one in every period.
+    #[cold]
+    #[inline(never)]
+    fn weigh_turning<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        let Self { hessian, turning_weight, nominal, .. } = self;
+        let n = nominal.len();
+        interrupt::checkpoint(8 * n * n);
+        for i in 0..n {
+            let weighted = robot.turning_column(i) * *turning_weight;
+            for k in 0..=i {
+                hessian[i * n + k] += robot.turning_column(k).dot(&weighted);
             }
         }
     }

@@ -112,6 +112,22 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
             barrier.act(robot, space, &weight.at(robot), Kept { pairs, own, range }, bias, torque);
     }
 
+    fn confine<R: Robot<D>>(
+        &mut self,
+        situation: &Situation<'_, R, D, M>,
+        spares_distances: bool,
+        torque: &mut Torque,
+    ) {
+        let Situation { robot, space, bias, range, .. } = *situation;
+        let Self { weight, pairs, own, barrier, .. } = self;
+        let kept = if spares_distances {
+            Kept { pairs, own, range }
+        } else {
+            Kept { pairs: &[], own: &[], range }
+        };
+        barrier.act(robot, space, &weight.at(robot), kept, bias, torque);
+    }
+
     fn slack(&self) -> Option<f64> {
         Some(self.slack)
     }

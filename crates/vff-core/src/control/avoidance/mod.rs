@@ -65,6 +65,15 @@ trait Way<const D: usize, const M: usize> {
     /// Changes the torque of the null-space law into one that gives way.
     fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque);
 
+    /// Changes a torque that is not of the law where that has limits in its program; distances count where it `spares_distances`.
+    fn confine<R: Robot<D>>(
+        &mut self,
+        _situation: &Situation<'_, R, D, M>,
+        _spares_distances: bool,
+        _torque: &mut Torque,
+    ) {
+    }
+
     /// By how much the last command violates what it is to keep at most \[m/s²\]; None if there is no such thing.
     fn slack(&self) -> Option<f64> {
         None
@@ -284,6 +293,22 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         each!(&mut self.way, way => way.act(situation, torque));
         if let Some(limiter) = &mut self.limiter {
             let distances = each!(&self.way, way => Way::<D, M>::distances(way));
+            limiter.act(situation, distances.unwrap_or_default(), torque);
+        }
+    }
+
+    /// Changes a torque that is not of the law so that limits are kept, and distances as the way keeps them where it
+    /// `spares_distances`.
+    pub fn confine<R: Robot<D>>(
+        &mut self,
+        situation: &Situation<'_, R, D, M>,
+        spares_distances: bool,
+        torque: &mut Torque,
+    ) {
+        each!(&mut self.way, way => way.confine(situation, spares_distances, torque));
+        if let Some(limiter) = &mut self.limiter {
+            let distances = each!(&self.way, way => Way::<D, M>::distances(way));
+            let distances = distances.filter(|_| spares_distances);
             limiter.act(situation, distances.unwrap_or_default(), torque);
         }
     }

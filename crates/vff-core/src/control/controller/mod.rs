@@ -183,6 +183,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.expect(output, sent, period);
     }
 
+    /// [`ReactiveController::confine`].
+    pub fn confine(&mut self, wanted: &[f64], spares_distances: bool) -> Option<&[f64]> {
+        self.reactive.confine(wanted, spares_distances)
+    }
+
     /// [`ReactiveController::hear`].
     pub fn hear(&mut self, output: Option<&mut Output>, sent: &[f64], elapsed: Option<f64>) {
         self.reactive.hear(output, sent, elapsed);

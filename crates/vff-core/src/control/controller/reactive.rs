@@ -59,6 +59,8 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     /// What the drives accept next, where their torque cannot change at once; and whether that is known of the next command.
     range: Option<Box<TorqueRange>>,
     is_ranged: bool,
+    /// What limits make of a torque that is not of the law.
+    confined: Torque,
 }
 
 impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
@@ -97,6 +99,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 .as_ref()
                 .map(|rate| Box::new(TorqueRange::new((0..n).map(|i| rate.get(i)).collect()))),
             is_ranged: false,
+            confined: Torque::zeros(n),
             robot,
             gains,
         }
@@ -297,6 +300,23 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             avoider.act(&Situation { robot, space, forces, bias, range }, torque);
         }
         self.is_ranged = false;
+    }
+
+    /// What limits, and distances too where `spares_distances`, make of a torque at the observed state that is not of the law
+    /// \[N·m, N\]; None if they leave it as it is.
+    pub fn confine(&mut self, wanted: &[f64], spares_distances: bool) -> Option<&[f64]> {
+        let is_ranged = replace(&mut self.is_ranged, false);
+        let Self { robot, space, forces, law, range, avoider, observer, confined, .. } = self;
+        let avoider = avoider.as_mut()?;
+        robot.bias_torque(&mut law.bias);
+        if let Some(observer) = observer {
+            observer.correct(&mut law.bias);
+        }
+        let range = range.as_deref().filter(|_| is_ranged);
+        confined.set(wanted);
+        let situation = Situation { robot, space, forces, bias: &law.bias, range };
+        avoider.confine(&situation, spares_distances, confined);
+        (confined.total != wanted).then_some(confined.total.as_slice())
     }
 
     /// Whether a QP has the limits of torque and speed among its constraints, which finds other joints for the same motion.

@@ -138,6 +138,25 @@ impl Output {
         torques.for_each(|((acting, sent), added)| *acting = sent - *added);
     }
 
+    /// Writes which torque of the law what is wanted is at the state of `robot` \[N·m, N\].
+    pub fn write_wanted<R: Robot<D>, const D: usize>(&mut self, robot: &R, tau: &mut [f64]) {
+        self.look_at(robot);
+        let Self { friction, wanted, scratch: [theirs, added], .. } = self;
+        write_added(friction.as_mut(), robot, theirs, added);
+        let torques = tau.iter_mut().zip(wanted).zip(added);
+        torques.for_each(|((tau, wanted), added)| *tau = *wanted - *added);
+    }
+
+    /// Wants what that torque of the law is at the state of `robot` \[N·m, N\], within the torque limits.
+    pub fn want<R: Robot<D>, const D: usize>(&mut self, robot: &R, tau: &[f64]) {
+        self.look_at(robot);
+        let Self { friction, wanted, scratch: [theirs, added], .. } = self;
+        write_added(friction.as_mut(), robot, theirs, added);
+        let torques = wanted.iter_mut().zip(tau).zip(added);
+        torques.for_each(|((wanted, tau), added)| *wanted = tau + *added);
+        self.confine();
+    }
+
     /// Takes in the state: what the robot adds by itself, into the first scratch, and what may be sent beside it. The limits bind what
     /// is sent, and what the drives exert.
     fn look_at<R: Robot<D>, const D: usize>(&mut self, robot: &R) {

@@ -163,6 +163,8 @@ pub struct Supervisor<R, const D: usize> {
     blended: f64,
     /// What was sent before this cycle.
     sent: Vec<f64>,
+    /// What is wanted, as a torque of the law.
+    acting: Vec<f64>,
     /// Whether that has acted since the last state, and for how long before this one \[s\], if it has.
     is_known: bool,
     acted: Option<f64>,
@@ -226,6 +228,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             origin: vec![0.0; n],
             blended: 0.0,
             sent: vec![0.0; n],
+            acting: vec![0.0; n],
             carried: vec![0.0; n],
             beside: vec![0.0; n],
             hold: Hold::new(n, damping, period),
@@ -334,10 +337,14 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         controller.expect(&mut self.output, &self.sent, self.period);
     }
 
-    /// A cycle with a new state, at which `robot` is, and the torque `tau` of the law there, where `bias` is C q̇ + g.
-    pub fn follow(&mut self, robot: &R, bias: &[f64], tau: &[f64]) -> Phase {
+    /// A cycle with a new state, at which `controller` has been observed, reported to and asked for its torque.
+    pub fn follow<const M: usize>(&mut self, controller: &mut Controller<R, D, M>) -> Phase
+    where
+        R: Manipulator<D, M> + Clone,
+    {
         self.take_up();
-        if !tau.iter().chain(bias).all(|x| x.is_finite()) {
+        let tau = &controller.torque().total;
+        if !tau.iter().chain(controller.bias()).all(|x| x.is_finite()) {
             self.speechless = self.speechless.saturating_add(1);
             return match self.speechless < self.missed_cycles {
                 true => self.hold(),
@@ -347,18 +354,23 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.speechless = 0;
         self.hold.release();
         self.phase = Phase::Running;
-        self.output.convert(robot, tau);
+        self.output.convert(controller.robot(), tau);
         if self.blended < self.blend {
             let share = smoothstep(self.blended / self.blend);
-            self.output.blend(robot, &self.origin, self.damping, share);
+            self.output.blend(controller.robot(), &self.origin, self.damping, share);
+            self.confine(controller, true); // what keeps limits and distances is but a share of the law's by now
             self.blended += self.period;
             self.phase = Phase::Starting;
         }
         self.send()
     }
 
-    /// A cycle with a new state where the law is not asked for: the arm is damped.
-    pub fn rest(&mut self) -> Phase {
+    /// A cycle with a new state where the law is not asked for, at which `controller` has been observed and reported to: the arm is
+    /// damped.
+    pub fn rest<const M: usize>(&mut self, controller: &mut Controller<R, D, M>) -> Phase
+    where
+        R: Manipulator<D, M> + Clone,
+    {
         self.take_up();
         let [_, dq] = self.admission.state();
         let stands = dq.iter().all(|dq| dq.abs() <= Self::STANDS);
@@ -371,7 +383,35 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         };
         self.place();
         let sharpest = SHARPEST.min(1.0 / self.period); // held over a period, more would turn the arm round
-        self.damp_here(phase, self.damping.max(damping_before_stops(&self.robot, sharpest)))
+        let d = self.damping.max(damping_before_stops(&self.robot, sharpest));
+        self.hold.update(&self.robot, d);
+        self.want_damping(d);
+        if !self.brakes {
+            // Behind a rate the torques come one after the other to where they damp the arm, and throw joints on the way. What
+            // stops keeps to itself: it gives way to nothing.
+            self.confine(controller, false);
+        }
+        self.send_damping(phase)
+    }
+
+    /// Lets `controller`, which is at the same state, change what is wanted so that limits are kept, and distances where it
+    /// `spares_distances`.
+    fn confine<const M: usize>(
+        &mut self,
+        controller: &mut Controller<R, D, M>,
+        spares_distances: bool,
+    ) where
+        R: Manipulator<D, M> + Clone,
+    {
+        let Self { output, acting, sent, period, .. } = self;
+        controller.expect(output, sent, *period);
+        output.write_wanted(controller.robot(), acting);
+        if controller.confine(acting, spares_distances).is_some_and(|kept| {
+            acting.copy_from_slice(kept);
+            kept.iter().all(|tau| tau.is_finite())
+        }) {
+            output.want(controller.robot(), acting);
+        }
     }
 
     /// A cycle without a state.
@@ -415,11 +455,19 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
 
     /// Damps the arm at the last state; the torque of the law is blended in anew after that.
     fn damp_as(&mut self, phase: Phase, d: f64) -> Phase {
+        self.want_damping(d);
+        self.send_damping(phase)
+    }
+
+    fn want_damping(&mut self, d: f64) {
         self.place();
         let Self { beside, carried, hold, .. } = self;
         let known = carried.iter().zip(hold.torque());
         beside.iter_mut().zip(known).for_each(|(out, (carried, hold))| *out = carried + hold);
         self.output.damp(&self.robot, d, &self.beside);
+    }
+
+    fn send_damping(&mut self, phase: Phase) -> Phase {
         (self.phase, self.blended) = (phase, 0.0);
         self.send();
         self.origin.copy_from_slice(self.output.sent());

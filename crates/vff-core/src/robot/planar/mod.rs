@@ -408,6 +408,10 @@ impl Robot<2> for PlanarState {
         pace::<_, 2, 3>(self, 2..3, gradient)
     }
 
+    fn turning_column(&self, _i: usize) -> Vector<3> {
+        Vector::<3>::z()
+    }
+
     #[inline]
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
         twist(self.tip_velocity, self.joints.last().map_or(0.0, |joint| joint.rate))

@@ -327,6 +327,11 @@ impl Robot<3> for SpatialState {
     }
 
     #[inline]
+    fn turning_column(&self, i: usize) -> Vector<3> {
+        self.jacobian_column::<6>(i).fixed_rows::<3>(3).into_owned()
+    }
+
+    #[inline]
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
         task::rows(&self.tool, &self.tool.velocity, &self.tool_rate())
     }

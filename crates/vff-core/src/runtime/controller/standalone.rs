@@ -359,10 +359,10 @@ where
             self.left().into_iter().for_each(|left| supervisor.announce(left));
             self.act_for(target, true);
         }
-        let law = &self.controller;
+        let law = &mut self.controller;
         let phase = match news {
-            Some(_) if wanted => supervisor.follow(law.robot(), law.bias(), &law.torque().total),
-            Some(_) => supervisor.rest(),
+            Some(_) if wanted => supervisor.follow(law),
+            Some(_) => supervisor.rest(law),
             None => supervisor.miss(),
         };
         self.supervisor = Some(supervisor);

@@ -1,4 +1,10 @@
-//! How a drive ends.
+//! How a drive ends, and what of it is to be told.
+
+use super::Inner;
+
+/// What is farther off at the end is to be told: a joint off its plan \[rad, m\], the end effector off its reference \[m\].
+const OFF_PLAN: f64 = 0.1;
+const OFF: f64 = 0.02;
 
 /// Why a drive ended before its time.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -19,6 +25,30 @@ pub enum Fault {
         t: f64,
         /// For how many periods.
         periods: u32,
+    },
+    /// The robot's time is none in seconds.
+    #[error(
+        "the robot's clock goes on by {step} from period to period, where {period} s pass: it has to count in seconds"
+    )]
+    Clock {
+        /// By how much it goes on.
+        step: f64,
+        /// The period of the loop \[s\].
+        period: f64,
+    },
+    /// A velocity is none of its position.
+    #[error(
+        "joint {joint} went by {gone:.3} in {within:.3} s, and its velocity says {told:.3}: its sign or unit is another one"
+    )]
+    Velocity {
+        /// Which, counted from 0.
+        joint: usize,
+        /// How far it went \[rad, m\].
+        gone: f64,
+        /// How far by its velocity.
+        told: f64,
+        /// In which time \[s\].
+        within: f64,
     },
     /// The state jumps.
     #[error(
@@ -63,6 +93,30 @@ impl Ending {
             Self::Completed => "completed",
             Self::Stopped => "stopped",
             Self::Faulted(_) => "fault",
+        }
+    }
+}
+
+impl Inner {
+    /// Notes where the arm has come to by the end of its time, if that is not where the scenario wants it.
+    pub(super) fn note_where_it_ends(&mut self) {
+        let Self { controller, notes, now, given: None, .. } = self else { return };
+        let [mut is, mut wanted] = [[0.0; 7]; 2];
+        let width = now.pose().len();
+        controller.write_pose(&mut is[..width]);
+        controller.write_reference(&mut wanted[..width]);
+        let place = controller.dimension();
+        let off = is[..place].iter().zip(&wanted[..place]).map(|(a, b)| (a - b).powi(2));
+        let off = off.sum::<f64>().sqrt();
+        let joints = controller.planned().into_iter().flat_map(|plan| plan.iter().zip(&self.q));
+        let (joint, most) = joints
+            .map(|(plan, q)| (plan - q).abs())
+            .enumerate()
+            .fold((0, 0.0), |(at, most), (i, off)| if off > most { (i, off) } else { (at, most) });
+        if most > OFF_PLAN {
+            notes.push(format!("at the end joint {joint} was {most:.3} off the plan, the end effector {off:.3} m off"));
+        } else if off > OFF {
+            notes.push(format!("at the end the end effector was {off:.3} m off its reference"));
         }
     }
 }

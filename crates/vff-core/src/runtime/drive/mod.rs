@@ -9,6 +9,7 @@ mod doubts;
 mod driver;
 mod ending;
 mod exchange;
+mod judging;
 mod receiving;
 mod reference;
 mod simulated;
@@ -29,6 +30,7 @@ use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use doubts::Doubts;
 use exchange::ROWS;
+use judging::Judge;
 use reference::Reference;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -148,6 +150,7 @@ struct Inner {
     /// The robot's time at the first state \[s\], and its clock since.
     start: f64,
     clock: Clock,
+    judge: Judge,
     /// The time of the drive at the last state \[s\].
     last: f64,
     /// Periods in a row without news.
@@ -215,6 +218,7 @@ impl<D: Driver> Loop<D> {
             senses: controller.senses(),
             start: 0.0,
             clock: Clock::new(period),
+            judge: Judge::new(n, period),
             last: 0.0,
             stale: 0,
             given: None,
@@ -350,6 +354,11 @@ impl Inner {
                 thread::sleep(Duration::from_secs_f64(1.0 / self.options.rate)); // nobody else paces now
             }
         }
+        if let Some(fault) =
+            state.as_ref().ok().and_then(|t| self.judge.look(*t, &self.q, &self.dq))
+        {
+            self.fail(fault);
+        }
         let t = state.ok().map(|t| self.time_at(t));
         let time = t.unwrap_or(self.last).max(0.0);
         self.receive(time, driver);
@@ -357,6 +366,9 @@ impl Inner {
             self.end(Ending::Stopped);
         }
         if self.options.seconds.is_some_and(|seconds| t.is_some_and(|t| t >= seconds)) {
+            if self.ending.is_none() {
+                self.note_where_it_ends();
+            }
             self.end(Ending::Completed);
         }
         // A robot that was elsewhere all at once is not believed any more: in time it could have gone there.
@@ -400,7 +412,7 @@ impl Inner {
             }
         };
         match &phase {
-            Ok(Phase::Damping | Phase::Released | Phase::Lost) if self.ending.is_none() => {
+            Ok(Phase::Damping | Phase::Released | Phase::Lost) if !self.has_failed() => {
                 let fault = self.why_damped(t, news);
                 self.fail(fault);
             }
@@ -443,7 +455,9 @@ impl Inner {
         if too_long {
             self.notes.push(format!("the arm still moved {LONGEST_STOP} s after it was to stop"));
         }
-        !(phase.is_over() || too_long || self.refused >= REFUSALS)
+        // A velocity that is none damps nothing: the arm is left to its own brakes.
+        let is_blind = matches!(self.ending, Some(Ending::Faulted(Fault::Velocity { .. })));
+        !(phase.is_over() || too_long || is_blind || self.refused >= REFUSALS)
     }
 
     /// Begins the end, if it has not begun.
@@ -457,9 +471,16 @@ impl Inner {
         }
     }
 
-    /// Begins the end with a fault. What goes wrong later follows from the first.
+    /// Begins the end with a fault, or lets an end that has begun be one. What goes wrong later follows from the first.
     fn fail(&mut self, fault: Fault) {
-        self.end(Ending::Faulted(fault));
+        self.end(Ending::Stopped);
+        if !self.has_failed() {
+            self.ending = Some(Ending::Faulted(fault));
+        }
+    }
+
+    fn has_failed(&self) -> bool {
+        matches!(self.ending, Some(Ending::Faulted(_)))
     }
 
     /// Shows the period, and keeps it for a file.
