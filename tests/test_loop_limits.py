@@ -208,7 +208,10 @@ def test_what_goes_wrong_during_the_stop_is_told() -> None:
     assert report.status == "fault" and "cable out" in report.reason
 
 
-@pytest.mark.parametrize(("name", "task", "most"), [("panda", "position", 0.32), ("xarm7", "pointing", 0.32)])
+@pytest.mark.parametrize(
+    ("name", "task", "most"),
+    [("panda", "position", 0.303), ("xarm7", "position", 0.303), ("iiwa14", "position", 0.303)],
+)
 def test_a_tip_that_is_free_to_turn_turns_no_faster_than_it_may(name: str, task: str, most: float) -> None:
     """Nor does its torque change its mind in every period (T198)."""
     arm = vff.Arm.named(name)

@@ -386,7 +386,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         let d = self.damping.max(damping_before_stops(&self.robot, sharpest));
         self.hold.update(&self.robot, d);
         self.want_damping(d);
-        if !self.brakes {
+        if !self.brakes && self.output.has_rate() {
             // Behind a rate the torques come one after the other to where they damp the arm, and throw joints on the way. What
             // stops keeps to itself: it gives way to nothing.
             self.confine(controller, false);
@@ -404,6 +404,9 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         R: Manipulator<D, M> + Clone,
     {
         let Self { output, acting, sent, period, .. } = self;
+        if *period * SHARPEST > 1.0 {
+            return; // the program reckons with shorter ones
+        }
         controller.expect(output, sent, *period);
         output.write_wanted(controller.robot(), acting);
         if controller.confine(acting, spares_distances).is_some_and(|kept| {
