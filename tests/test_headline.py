@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull.draw.report.assumptions import assumptions
 from vffnull.live.readouts import numbers
-from vffnull.model.headline import findings
+from vffnull.model.headline import findings, headline
+from vffnull.model.outcome import seconds
 from waiting import HANG, frames, wait_for
 
 # A UR5e draws its hand to its shoulder: 6 cm into itself.
@@ -68,11 +70,11 @@ def test_contact_with_an_obstacle_is_told() -> None:
     inside = result.clearance.min(axis=1) < 0.0
     link, depth = result.clearance.min(axis=0).argmin(), -1e3 * result.clearance.min()
     said = re.fullmatch(
-        r"link (\d+) was up to (\S+) mm inside an obstacle, first at t = (\S+) s, for (\S+) s in all",
+        r"link_(\d+) was up to (\S+) mm inside an obstacle, first at t = (\S+) s, for (\S+) s in all",
         result.headline.lines[0],
     )
     assert said is not None, result.headline.lines
-    assert int(said[1]) == link
+    assert int(said[1]) == link + 1
     told, step = [float(each) for each in said.groups()[1:]], result.scenario["simulation.dt"]
     assert told[0] == pytest.approx(depth, rel=5e-3)
     assert told[1] == pytest.approx(result.t[inside.argmax()], abs=2 * step)
@@ -242,3 +244,60 @@ def test_the_page_tells_of_its_own_loop(tmp_path: Path) -> None:
         assert said is not None and {said[1], said[2]} <= set(names)
     finally:
         page.stop()
+
+
+def test_what_may_pass_through_an_obstacle_is_not_said_to_be_clear(tmp_path: Path) -> None:
+    """A link that ignores an obstacle goes through it unmeasured; headline and report say so, by its name."""
+    changes = {"controller.field.gain": 0.0, "obstacles.0.ignore": ["link_3"]}
+    result = vff.simulate("sweep-through", changes)
+    assert result.headline.verdict == "completed"
+    end = "without contact with an obstacle, but for what link_3 may touch"
+    assert result.headline.lines[0].endswith(end)
+    text = result.report(tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "link_3 may pass through obstacle 1: neither avoided nor measured." in text
+    hit = vff.simulate("sweep-through", {"controller.field.gain": 0.0})
+    name = hit.headline.lines[0].split(" was up to ")[0]
+    assert name in hit.scenario.arm.link_names
+    free = vff.simulate("sweep-through", {"controller.field.gain": 0.0, "obstacles.0.ignore": [name]})
+    assert name in free.headline.lines[0] and free.metrics.min_clearance > hit.metrics.min_clearance
+
+
+def test_an_interrupted_run_that_collided_has_collided() -> None:
+    """The word is said once, and contact comes before it."""
+    result = vff.simulate("sweep-through", {"controller.field.gain": 0.0})
+    message = "interrupted at t = 2.288 s"
+    told = headline("interrupted", message, result.metrics, result.scenario.arm)
+    assert (told.verdict, told.severity, told.lines[-1]) == ("collided", "bad", message)
+    calm = headline("interrupted", message, {}, result.scenario.arm)
+    assert str(calm) == "interrupted: stopped at t = 2.288 s"
+
+
+def test_a_contact_that_is_felt_may_be_beyond_the_link() -> None:
+    """As the metric is defined."""
+    facts = {"touched_time": 1.0, "touched_link": 0}
+    (found,) = findings(facts, vff.Scenario.load("panda-bump").arm)
+    assert found.text == "a contact was felt on panda_link1 or beyond it, first at t = 1 s"
+
+
+def test_general_assumptions_leave_out_what_is_particular(tmp_path: Path) -> None:
+    """And in a comparison, what does not hold for all runs names those for which it does."""
+    short = {"duration": 0.05}
+    wiped, swept = vff.simulate("panda-wipe", short), vff.simulate("panda-sweep", short)
+    told = assumptions(wiped)
+    assert any("passes through all of them but obstacle 1 without a contact force" in line for line in told)
+    assert "Obstacle 1: felt by links that press into them, with friction." in told
+    bumped = assumptions(vff.simulate("panda-bump", short))
+    assert any("velocity of all other obstacles; nobody has told it of obstacle 1" in each for each in bumped)
+    text = vff.compare({"wipe": wiped, "sweep": swept}, tmp_path / "b.html").read_text(encoding="utf-8")
+    assert "<li>wipe: Obstacle 1: felt by links" in text
+    assert "<li>sweep: Obstacles move as the scenario says and do not feel the arm;" in text
+    assert "<li>Rigid links in space" in text
+
+
+def test_times_of_computing_are_read_easily() -> None:
+    assert [seconds(each) for each in (1.29, 0.9999, 0.0123, 1234.0)] == [
+        "1.29 s",
+        "1 s",
+        "12.3 ms",
+        "1234 s",
+    ]

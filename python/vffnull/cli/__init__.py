@@ -46,6 +46,7 @@ from vffnull.cli.study import study
 from vffnull.logs import READABLE, check_path
 from vffnull.model.arm_files import explicit
 from vffnull.model.document import Document
+from vffnull.model.outcome import seconds
 from vffnull.model.scenario import read, scenarios, shown, source_of
 from vffnull.model.validation import faults
 from vffnull.run.result import Result
@@ -340,7 +341,7 @@ def _print(result: Result, files: list[Path]) -> None:
     click.echo(f"{click.style(headline.verdict, fg=COLOURS[headline.severity])}: {headline.lines[0]}")
     for line in headline.lines[1:]:
         click.echo(f"  {line}")
-    click.echo(f"computed in {result.wall_time * 1e3:.3g} ms\n")
+    click.echo(f"computed in {seconds(result.wall_time)}\n")
     click.echo(result.metrics)
     if files:
         click.echo("")

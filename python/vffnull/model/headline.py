@@ -6,14 +6,16 @@ The core measures the facts; here they get their words.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+from vffnull.model.arm import listed
 
 if TYPE_CHECKING:
     from vffnull._core import Arm
 
-__all__ = ["Finding", "Headline", "findings", "headline"]
+__all__ = ["OVER", "Finding", "Headline", "findings", "headline", "passing"]
 
 Number = float | int | None
 Severity = Literal["good", "odd", "bad"]
@@ -22,7 +24,7 @@ _LOST = 1e-2
 """How far the end effector may be from its reference at the end [m]."""
 _TURNED = 5e-2
 """The same of its orientation [rad]."""
-_OVER = 1e-3
+OVER = 1e-3
 """By which share a limit is exceeded before it counts: barriers hold a speed to parts in ten thousand."""
 
 
@@ -68,7 +70,12 @@ class Headline:
 
 
 def headline(
-    status: str, message: str, facts: Mapping[str, Number], arm: Arm, slides: frozenset[int] = frozenset()
+    status: str,
+    message: str,
+    facts: Mapping[str, Number],
+    arm: Arm,
+    slides: frozenset[int] = frozenset(),
+    ignoring: Sequence[str] = (),
 ) -> Headline:
     """The headline of a run.
 
@@ -82,15 +89,26 @@ def headline(
         Whose links and joints are named.
     slides : frozenset of int, optional
         Which joints slide.
+    ignoring : sequence of str, optional
+        Links that may pass through an obstacle, of whose contact with it nothing is known.
     """
     found = list(findings(facts, arm, slides))
     lines = tuple(each.text for each in found)
-    if status not in ("completed", "collided"):
-        severity: Severity = "odd" if status == "interrupted" else "bad"
-        return Headline(status, severity, (message, *lines))
+    is_hit = any(each.severity == "bad" for each in found)
+    if status == "interrupted" and not is_hit:  # the verdict says that it was
+        return Headline(status, "odd", (message.replace(f"{status} at", "stopped at"), *lines))
+    if status not in ("completed", "collided", "interrupted"):
+        return Headline(status, "bad", (message, *lines))
     if found:
         return Headline(found[0].verdict, found[0].severity, (*lines, message))
-    return Headline(status, "good", (f"{message}{_untouched(facts)}",))
+    return Headline(status, "good", (f"{message}{_untouched(facts, ignoring)}",))
+
+
+def passing(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Links that may pass through an obstacle of this scenario."""
+    return tuple(
+        dict.fromkeys(link for each in document.get("obstacles", ()) for link in each.get("ignore", ()))
+    )
 
 
 def findings(
@@ -147,15 +165,15 @@ def _touched(facts: Mapping[str, Number], arm: Arm) -> Iterator[Finding]:
         far = f"; the end effector gave way by up to {_length(yielded)}" if yielded > 0.0 else ""
         if stopped := facts.get("stopped_time"):
             far += f"; the task stopped for {stopped:.3g} s"
-        text = f"a contact was felt on {_link(arm, facts['touched_link'])}, first at t = {first:.4g} s{far}"
-        yield Finding("touched", "odd", text)
+        where = f"on {_link(arm, facts['touched_link'])} or beyond it"
+        yield Finding("touched", "odd", f"a contact was felt {where}, first at t = {first:.4g} s{far}")
 
 
 def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> Iterator[Finding]:
     """Of the arm: what its motors cannot do, and where its joints end."""
     for name in ("torque", "velocity"):
         ratio, joint = facts.get(f"{name}_limit_ratio"), facts.get(f"{name}_limit_joint")
-        if ratio is not None and ratio > 1 + _OVER:
+        if ratio is not None and ratio > 1 + OVER:
             quantity = {"torque": "force" if joint in slides else "torque", "velocity": "speed"}[name]
             text = f"the {quantity} of {_joint(arm, joint)} came to {100 * ratio:.4g} % of its limit"
             yield Finding("over limits", "odd", text)
@@ -168,13 +186,15 @@ def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> It
         yield Finding("at a stop", "odd", f"{_joint(arm, joint)} {reached}, {when}")
 
 
-def _untouched(facts: Mapping[str, Number]) -> str:
+def _untouched(facts: Mapping[str, Number], ignoring: Sequence[str]) -> str:
     """What was kept apart, of what was measured."""
     obstacles, links = (facts.get(f"min_{name}") is not None for name in ("clearance", "self_clearance"))
     what = {(True, True): "", (True, False): " with an obstacle", (False, True): " of its own links"}
     if (facts.get("min_clearance") or 0.0) < 0.0:  # and no collision
-        return " without contact but for what the tip presses on"
-    return f" without contact{what[obstacles, links]}" if obstacles or links else ""
+        more = f", and for what {listed(ignoring)} may touch" if ignoring else ""
+        return f" without contact but for what the tip presses on{more}"
+    more = f", but for what {listed(ignoring)} may touch" if ignoring else ""
+    return f" without contact{what[obstacles, links]}{more}" if obstacles or links else ""
 
 
 def _when(first: float, total: Number) -> str:
@@ -185,7 +205,7 @@ def _when(first: float, total: Number) -> str:
 def _link(arm: Arm, link: Number) -> str:
     if link is None:
         return "the base"
-    return arm.link_names[int(link)] if arm.dimension == 3 else f"link {link}"
+    return arm.link_names[int(link)]
 
 
 def _joint(arm: Arm, joint: Number) -> str:

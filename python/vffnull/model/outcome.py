@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Metrics", "Outcome", "Replan", "Status", "readable"]
+__all__ = ["Metrics", "Outcome", "Replan", "Status", "readable", "seconds"]
 
 
 class Status(str, Enum):
@@ -158,6 +158,13 @@ def readable(value: float | int | None) -> str:
     return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
 
 
+def seconds(time: float) -> str:
+    """A time [s] that something took, in milliseconds where it is less than one second."""
+    if time < 0.9995:
+        return f"{1e3 * time:.3g} ms"
+    return f"{time:.3g} s" if time < 999.5 else f"{time:.0f} s"
+
+
 def _finite(value: float | int | None) -> float | int | None:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -241,9 +248,11 @@ class Outcome:
     @property
     def headline(self) -> Headline:
         """What is to be known first: contact, limits, a lost reference; the worst comes first."""
-        from vffnull.model.headline import headline
+        from vffnull.model.headline import headline, passing
 
-        return headline(self.status, self.message, self.metrics, self.scenario.arm, self.layout.slides)
+        ignoring = passing(self.scenario.to_dict())
+        arm, slides = self.scenario.arm, self.layout.slides
+        return headline(self.status, self.message, self.metrics, arm, slides, ignoring)
 
     @property
     def layout(self) -> Layout:

@@ -58,11 +58,6 @@ def assumptions(result: Outcome) -> list[str]:
     else:
         plant = f"MuJoCo moves the arm with steps of {dt:g} s; {law}."
         contact = "contacts push the arm, by MuJoCo's soft model"
-    known = (
-        "of the obstacles what its range sensors have met, at rest"
-        if result.sensed is not None
-        else "position and velocity of every obstacle"
-    )
     rubs = list(_rubs(result, document))
     unknown = [*rubs, *_differs(result, document)]
     drives = "torque sources that lag" if _set(document, "actuator") else "ideal torque sources"
@@ -82,8 +77,8 @@ def assumptions(result: Outcome) -> list[str]:
         f"The controller reads angles and speeds with {listed(state)}; see [measurement]."
         if state
         else "The controller reads angles and speeds exactly and at once.",
-        f"The controller knows {known}.",
-        f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
+        _known(result, document),
+        *_met(document, contact),
         _LINKS[document.get("controller", {}).get("self_collision", "ignore")],
         *(
             [f"{listed(bare)}: no shape, so nothing avoids {them}, and no contact is noticed."]
@@ -97,16 +92,42 @@ def assumptions(result: Outcome) -> list[str]:
     ]
 
 
+def _known(result: Outcome, document: Mapping[str, Any]) -> str:
+    """What the controller is told of the obstacles."""
+    unseen = [f"obstacle {k + 1}" for k in sorted(unseen_of(document))]
+    if unseen and len(unseen) == len(document["obstacles"]):
+        return f"Nobody has told the controller of {listed(unseen)}: felt alone."
+    others = "all other obstacles" if unseen else "the obstacles"
+    every = "all other obstacles" if unseen else "every obstacle"
+    if result.sensed is not None:
+        known = f"of {others} what its range sensors have met, at rest"
+    else:
+        known = f"position and velocity of {every}"
+    told = f"; nobody has told it of {listed(unseen)}: felt alone" if unseen else ""
+    return f"The controller knows {known}{told}."
+
+
+def _met(document: Mapping[str, Any], contact: str) -> Iterator[str]:
+    """What becomes of the arm where it meets obstacles; `contact` is what holds for most."""
+    obstacles = document.get("obstacles", [])
+    felt = [f"obstacle {k}" for k, each in enumerate(obstacles, start=1) if "contact" in each]
+    moves = "Obstacles move as the scenario says and do not feel the arm"
+    pressed = "felt by links that press into them, with friction"
+    if not felt:
+        yield f"{moves}; {contact}."
+    elif len(felt) == len(obstacles):
+        yield f"{moves}; they are {pressed}."
+    else:
+        which = listed(felt)
+        yield f"{moves}; {contact.replace('them', f'all of them but {which}')}."
+        yield f"{which[0].upper()}{which[1:]}: {pressed}."
+    for k, each in enumerate(obstacles, start=1):
+        if links := each.get("ignore"):
+            yield f"{listed(links)} may pass through obstacle {k}: neither avoided nor measured."
+
+
 def _pushed(document: Mapping[str, Any]) -> Iterator[str]:
     """What pushes the arm from outside."""
-    obstacles = document.get("obstacles", [])
-    felt = [k for k, each in enumerate(obstacles, start=1) if "contact" in each]
-    if felt:
-        which = "Obstacles" if len(felt) == len(obstacles) else listed([f"obstacle {k}" for k in felt])
-        yield f"{which[0].upper()}{which[1:]}: felt by links that press into them, with friction."
-    if unseen := unseen_of(document):
-        which = listed([f"obstacle {k + 1}" for k in sorted(unseen)])
-        yield f"Nobody has told the controller of {which}: felt alone."
     for each in document.get("wrenches", []):
         force, torque = (float(np.linalg.norm(each.get(key, 0.0))) for key in ("force", "torque"))
         sizes = [f"{size:.3g} {unit}" for size, unit in ((force, "N"), (torque, "N·m")) if size]

@@ -19,7 +19,7 @@ from vffnull.draw.report.figures import Run
 from vffnull.draw.report.frame import fill
 from vffnull.draw.scene import drawable
 from vffnull.draw.style import prefixed
-from vffnull.model.outcome import readable
+from vffnull.model.outcome import readable, seconds
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome
@@ -71,18 +71,28 @@ def render(results: list[Outcome], names: list[str]) -> str:
         scenarios=[
             (name, _glance(run.scenario), str(run.scenario)) for run, name in zip(results, names, strict=True)
         ],
-        assumptions=list(dict.fromkeys(line for run in results for line in assumptions(run))),
+        assumptions=_assumed(results, names),
         warnings=[message for run in results for message in run.warnings],
         version=results[0].version,
         versions=sorted({run.version for run in results}),
         python=platform.python_version(),
         numpy=np.__version__,
-        wall=[f"{run.wall_time * 1e3:.3g} ms" for run in results],
+        wall=[seconds(run.wall_time) for run in results],
         instants=dict.fromkeys(f"{len(run.rows)} of {len(run.result.t)}" for run in runs),
         script=script,
         code=[(_HERE / name).read_text(encoding="utf-8") for name in scripts],
         data=_for_script([motion.pack(run, shades) for run, shades in zip(runs, links, strict=True)]),
     )
+
+
+def _assumed(results: list[Outcome], names: list[str]) -> list[str]:
+    """What the runs take for granted: first what all do, then what some do, with their names."""
+    found: dict[str, list[str]] = {}
+    for run, name in zip(results, names, strict=True):
+        for line in dict.fromkeys(assumptions(run)):
+            found.setdefault(line, []).append(name)
+    common = [line for line, who in found.items() if len(who) == len(names)]
+    return [*common, *(f"{', '.join(who)}: {line}" for line, who in found.items() if len(who) < len(names))]
 
 
 def _near(runs: list[Run]) -> str:
