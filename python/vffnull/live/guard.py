@@ -8,6 +8,7 @@ directly, or by a name of its own that it lets point at this machine.
 from __future__ import annotations
 
 import http
+import logging
 import threading
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
@@ -24,6 +25,9 @@ from vffnull.live.client import prepared
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 _STARTING = threading.Lock()
+_SILENT = logging.getLogger(f"{__name__}.silent")
+"""Of connections: what others send that cannot be read ends theirs, and is no news for the terminal."""
+_SILENT.setLevel(logging.CRITICAL + 1)
 
 
 def origins(given: Iterable[str]) -> frozenset[str]:
@@ -106,7 +110,7 @@ def guarding(allowed: Collection[str]) -> Iterator[None]:
             found = answer(connection, request)
             return None if found is None else prepared(found)
 
-        return plain(handler, *arguments, **(how | {"process_request": process}))
+        return plain(handler, *arguments, **(how | {"process_request": process, "logger": _SILENT}))
 
     with _STARTING:
         websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]

@@ -16,17 +16,18 @@ from numpy.typing import ArrayLike, NDArray
 import vffnull._core as _core
 from vffnull._support.errors import VffNullError
 from vffnull.live.clock import Rate
+from vffnull.live.ending import Ending
 from vffnull.live.guard import guarding
 from vffnull.live.icons import archive_open
 from vffnull.live.memory import Memory
 from vffnull.live.panel import Panel
 from vffnull.live.plots import Plots
 from vffnull.live.quiet import quiet, uncover
-from vffnull.live.recording import Recording
+from vffnull.live.readouts import STOPPED, found
+from vffnull.live.recording import Recorder
 from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
+from vffnull.live.scene.camera import is_finite
 from vffnull.live.sliders import said, unprojected
-from vffnull.model.headline import Finding, findings
-from vffnull.model.record import Layout
 from vffnull.model.scenario import Scenario
 from vffnull.model.settings import setting
 
@@ -82,8 +83,7 @@ class LivePage:
         self._seen = False
         self._held_until: float | None = None
         self._memory = Memory()
-        self._folder = folder
-        self._recording: Recording | None = None
+        self._end = Ending()
         self._lock = threading.RLock()  # around everything that belongs to one scenario
         self._over = threading.Event()
         self._rate = Rate(time.monotonic())
@@ -108,6 +108,7 @@ class LivePage:
         plots.set_width(330)
         with archive_open():
             self._panel = Panel(self._server, self)
+            self._recorder = Recorder(folder, self._panel.show_recording, self._notify)
             self._server.on_client_connect(self._welcome)
             self._server.on_client_disconnect(self._miss)
             self._open(scenario)
@@ -144,6 +145,7 @@ class LivePage:
         self._panel.show(scenario)
         self._bounds: tuple[float, ...] | None = None
         self._scene.camera(self._box(), ASPECT).begin_with(self._server)
+        self._end.begin(scenario)
         self._run(True)
 
     def _draw_scene(self) -> None:
@@ -170,6 +172,8 @@ class LivePage:
 
     def _run(self, on: bool) -> None:
         self._held_until = None
+        if on:
+            self._end.go_on()
         for live in self._loops():
             live.start() if on else live.pause()
 
@@ -197,7 +201,7 @@ class LivePage:
             if on != self._with_ghost and not self._over.is_set():
                 self._with_ghost = on
                 self._haunt()
-                self.reset()
+                self._renew()
 
     def show_plan(self, on: bool) -> None:
         """Draw the arm where the plan has it."""
@@ -246,32 +250,39 @@ class LivePage:
         with self._lock:
             self._memory.play()
 
-    def reset(self, as_filed: bool = False) -> None:
+    def reset(self, as_filed: bool = False, run: bool = True) -> None:
         """Go back to the start with the present settings, or with those of the scenario; so in any case after
-        a loop that has stopped by itself, which they did not make stop.
+        a loop that has stopped by itself, which they did not make stop; time stands still if not `run`.
         """
         with self._lock:
             if self._over.is_set():
                 return
             self.stop_recording()
-            if as_filed or self._live.snapshot()["status"] in ("diverged", "failed"):
+            if as_filed or self._live.snapshot()["status"] in STOPPED:
                 self.open(self._scenario)
                 return
             self._live.reset()
+            self._live.pause()  # until all is drawn: both arms begin together
             self._put.clear()
             influence = self._scene.influence
             self._draw_scene()
             self._haunt()
             self._scene.show_influence(influence)
-            self._run(True)
+            self._end.begin(self._scenario)
+            self._run(run)
+
+    def _renew(self) -> None:
+        """Begin anew, in a pause if there is one."""
+        held = self._held_until
+        self.reset(run=self._live.snapshot()["status"] != "paused")
+        self._held_until = held
 
     def begin_at(self, q: list[float]) -> None:
         """Begin anew from other joint positions (n,) with the present settings, if that can be done."""
         try:
             self.open(self.present().replace(q0=q))
         except VffNullError as fault:
-            for client in self._server.get_clients().values():
-                client.add_notification("This cannot be done", str(fault), color="red", auto_close_seconds=8)
+            self._notify("This cannot be done", str(fault), 8)
 
     def present(self) -> Scenario:
         """What runs, as a scenario: the present settings, and the obstacles that have been put somewhere at
@@ -321,12 +332,9 @@ class LivePage:
             The point in the frame of the link [m].
         """
         with self._lock:
-            self._dragged = True
-            self._memory.leave()
-            arm = self._scenario.arm
-            name = arm.link_names[link] if arm.dimension == 3 else f"link_{link + 1}"
+            self._meddle()
             for live in self._loops():
-                live.grab(name, point)
+                live.grab(self._scenario.arm.link_names[link], point)
 
     def pull_by(self, offset: ArrayLike) -> None:
         """Pull the link that is held towards the place that is so far (D,) [m] from where it was then."""
@@ -367,22 +375,14 @@ class LivePage:
             self._scene.show_points(np.asarray(cloud, dtype=float), obstacle)
 
     def start_recording(self) -> Path:
-        """Begin to record."""
+        """Begin to record; the file."""
         with self._lock:
-            if self._recording is None:
-                self._recording = Recording(self._live, self._scenario, self._folder)
-                self._panel.show_recording(True)
-            return self._recording.path
+            return self._recorder.begin(self._live, self._scenario)
 
     def stop_recording(self) -> tuple[Path, int] | None:
         """End a recording; its file and the number of its rows."""
         with self._lock:
-            recording, self._recording = self._recording, None
-            if recording is None:
-                return None
-            recording.close()
-            self._panel.show_recording(False)
-            return recording.path, recording.rows
+            return self._recorder.end()
 
     @property
     def views(self) -> Mapping[str, str]:
@@ -406,7 +406,7 @@ class LivePage:
         with self._lock:
             if on != self._shadows and not self._over.is_set():
                 self._shadows = on
-                self.reset()
+                self._renew()
 
     @property
     def has_meshes(self) -> bool:
@@ -418,7 +418,7 @@ class LivePage:
         with self._lock:
             if on == self._bare and not self._over.is_set():
                 self._bare = not on
-                self.reset()
+                self._renew()
 
     @property
     def notes(self) -> list[str]:
@@ -452,10 +452,17 @@ class LivePage:
 
     # --------------------------------------------------------------------------------------------- inside
 
+    def _meddle(self) -> None:
+        """Somebody takes hold of something: they see the present, beyond the end of a scene, too."""
+        with self._lock:
+            self._dragged = True
+            self._memory.leave()
+            if self._end.drop():
+                self._run(True)
+
     def _carry(self, obstacle: int, place: NDArray[np.float64]) -> None:
-        self._dragged = True
+        self._meddle()
         self._put.add(obstacle)
-        self._memory.leave()
         self._bring(obstacle, place)
 
     def _bring(self, obstacle: int, place: NDArray[np.float64]) -> None:
@@ -463,14 +470,12 @@ class LivePage:
             live.carry(obstacle, place)
 
     def _aim(self, place: NDArray[np.float64]) -> None:
-        self._dragged = True
-        self._memory.leave()
+        self._meddle()
         for live in self._loops():
             live.aim(place)
 
     def _turn(self, obstacle: int | None, orientation: NDArray[np.float64]) -> None:
-        self._dragged = True
-        self._memory.leave()
+        self._meddle()
         for live in self._loops():
             if obstacle is None:
                 live.turn_target(orientation)
@@ -493,10 +498,11 @@ class LivePage:
         fitted, settled = 0.0, False
         with self._lock:
             seen, self._seen = self._seen, True
-            untouched = not self._dragged and self._recording is None and not self._over.is_set()
+            untouched = not self._dragged and not self._recorder.is_on and not self._over.is_set()
             if not seen and untouched and self._live.snapshot()["status"] == "running":
                 for live in self._loops():
                     live.reset()
+                self._end.begin(self._scenario)
                 self._run(False)
                 self._held_until = time.monotonic() + FIRST
                 self._memory.clear()
@@ -505,6 +511,8 @@ class LivePage:
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
             nonlocal fitted, settled
+            if not is_finite(camera):
+                return
             late = np.allclose(camera.position, self._server.initial_camera.position, atol=1e-3)
             if settled and not late and abs(camera.aspect - fitted) < 0.02:
                 return  # moved by hand
@@ -551,6 +559,8 @@ class LivePage:
                 other = self._ghost.snapshot() if self._ghost is not None else None
                 if state["status"] == "running":
                     self._memory.add(state, other)
+                    if self._end.comes(state["t"]):
+                        self._run(False)
                 self._memory.go_on(FRAME)
                 past = self._memory.seen()
                 if past is not None:
@@ -571,29 +581,18 @@ class LivePage:
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
-                    self._panel.read({**state, **self._scene.readings(), "found": self._found(state)})
+                    told = {"found": found(state, self._scenario), "ended": self._end.at}
+                    self._panel.read({**state, **self._scene.readings(), **told})
+                    self._panel.show_run("running" if self._held_until else present["status"])
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._plots.pictures.show(self._live.pictures())
                     self._plots.self_motion.show(self._live.self_motion_map())
-                    self._drain()
+                    self._recorder.drain()
             self.drawn += 1
             self.frame_rate = self._rate.count(now)
             self._over.wait(max(0.0, due - time.monotonic()))
 
-    def _found(self, state: Mapping[str, Any]) -> list[Finding]:
-        """What has happened since the start or the last reset; where the tip is now is shown beside it."""
-        facts = {name: value for name, value in state["metrics"].items() if not name.startswith("end_")}
-        layout = Layout.of(self._scenario.to_dict())
-        return list(findings(facts, self._scenario.arm, layout.slides))
-
-    def _drain(self) -> None:
-        """Write what has been recorded; a disk that is full ends the recording, not the page."""
-        try:
-            if self._recording is not None:
-                self._recording.drain()
-        except OSError as fault:
-            self._recording = None
-            self._live.record(False)
-            self._panel.show_recording(False)
-            for client in self._server.get_clients().values():
-                client.add_notification("The recording has ended", str(fault), color="red")
+    def _notify(self, title: str, text: str, seconds: float | None = None) -> None:
+        """Tell everybody there of what could not be done."""
+        for client in self._server.get_clients().values():
+            client.add_notification(title, text, color="red", auto_close_seconds=seconds)

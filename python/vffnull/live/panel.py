@@ -14,7 +14,7 @@ from vffnull.live.files import file_name, scenario_of
 from vffnull.live.joints import Joints
 from vffnull.live.memory import KEPT
 from vffnull.live.plots import rounded_up
-from vffnull.live.readouts import details, numbers
+from vffnull.live.readouts import STOPPED, details, numbers
 from vffnull.live.sliders import NO_FIELD, OF_THE_CONTROLLER, OF_THE_FIELD, levels, put, said, slide
 from vffnull.live.stories import GIVING_WAY, IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.live.tasks import TASKS, with_task
@@ -32,6 +32,7 @@ WAYS = {
     "by barriers (QP)": "cbf",
 }
 """How the page calls what `controller.avoidance` may be."""
+GO_ON = "Go on"
 BEYOND = 2.5
 """How far a slider goes, in values of the scenario."""
 
@@ -202,6 +203,13 @@ class Panel:
         self._numbers.content = numbers(state)
         self._details.content = details(state, self._page.notes)
         self._joints.read(state["q"])
+
+    def show_run(self, status: str) -> None:
+        """Let the buttons fit a loop that runs, pauses, or has stopped by itself and cannot go on."""
+        self._pause.visible = status not in STOPPED
+        paused = status != "running"
+        if paused != (self._pause.label == GO_ON):
+            self._show_paused(paused)
 
     def show_memory(self, span: float, back: float) -> None:
         """How far back one can look [s], and does."""
@@ -422,7 +430,7 @@ class Panel:
         self._projection.color = "green" if on else "red"
 
     def _show_paused(self, paused: bool) -> None:
-        self._pause.label = "Go on" if paused else "Pause"
+        self._pause.label = GO_ON if paused else "Pause"
         self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
         self._back.visible = self._replay.visible = paused
         put(self._back, 0.0)

@@ -81,7 +81,7 @@ class Plots:
             scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True, range=EXACT)},
             axes=(
                 uplot.Axis(size=30, grid={"show": False}, label="simulated time [s]", labelSize=18),
-                uplot.Axis(size=50),
+                uplot.Axis(size=66),  # for six digits and a comma
             ),
             legend=uplot.Legend(show=False),
             height=205,

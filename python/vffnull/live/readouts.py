@@ -10,17 +10,21 @@ import numpy as np
 
 from vffnull.live.plots import measures
 from vffnull.live.scene.cup import SPILLS
-from vffnull.model.record import THE_REST
+from vffnull.model.headline import Finding, findings
+from vffnull.model.record import THE_REST, Layout
+from vffnull.model.scenario import Scenario
 
 RATE = 1000.0
 """Periods per second of a loop that keeps up with the clock [Hz]."""
-ALARM, WARN, CALM = "#c81428", "#8a5a00", "#0a7d55"
+ALARM, WARN, CALM, PLAIN = "#c81428", "#8a5a00", "#0a7d55", "inherit"
+STOPPED = ("diverged", "failed")
+"""How a loop has ended that has stopped by itself."""
 
 
 def numbers(state: Mapping[str, Any]) -> str:
     """The read-out as HTML."""
     clearance, error, _, angle = measures(state)
-    least = state["min_clearance"]
+    least, is_over = state["min_clearance"], state["status"] in STOPPED
     rows = [("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", error < 1)]
     if np.isfinite(angle):
         value = f"{angle:.3f}°" if angle < 1 else f"{angle:.1f}°"
@@ -32,26 +36,32 @@ def numbers(state: Mapping[str, Any]) -> str:
     if (parts := state["released"]) is not None:
         named = ", ".join(part or THE_REST for part in parts)
         rows.append(("Lets go", "let-go", named or "nothing", not parts))
-    if np.isfinite(least):
+    if np.isfinite(clearance):  # the last obstacle may have been taken away
         rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
+    if np.isfinite(least):
         rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))
+    shown = [(label, name, value, CALM if fine else ALARM) for label, name, value, fine in rows]
     pace = f"{state['rate'] / RATE:.2f} × real time" if state["status"] == "running" else state["status"]
-    rows.append(("Simulated time", "time", f"{state['t']:.1f} s · {pace}", True))
-    if "newtons" in state:
-        rows.append(("Arrow at the base", "newtons", f"{state['newtons']:g} N of repulsion", True))
+    shown.append(("Simulated time", "time", f"{state['t']:.1f} s · {pace}", ALARM if is_over else PLAIN))
+    if "newtons" in state:  # a scale is neither good nor bad
+        shown.append(("Arrow at the base", "newtons", f"{state['newtons']:g} N of repulsion", PLAIN))
     cells = "".join(
         f'<tr><td>{label}</td><td id="vff-{name}" style="text-align:right;font-weight:600;'
-        f'font-size:{"1.4em" if name == "tip" else "1em"};color:{CALM if fine else ALARM}">{value}</td></tr>'
-        for label, name, value, fine in rows
+        f'font-size:{"1.4em" if name == "tip" else "1em"};color:{colour}">{value}</td></tr>'
+        for label, name, value, colour in shown
     )
     trouble = ""
-    if state["status"] in ("diverged", "failed"):
+    if is_over:
         trouble = (
             f'<div style="color:white;background:{ALARM};padding:6px 8px;border-radius:4px;margin:4px 0">'
-            f"The loop has stopped: {escape(state['message'])}. <b>Reset</b> brings back "
-            "the scenario and its own settings.</div>"
+            "The loop has stopped. <b>Reset</b> brings back the scenario and its own settings.</div>"
         )
-    found = "".join(
+    elif state.get("ended") is not None:
+        trouble = (
+            f'<div id="vff-end" style="margin:4px 0">The scene has reached its end at '
+            f"t = {state['ended']:g} s. <b>Go on</b>, or a drag, leads beyond it.</div>"
+        )
+    lines = "".join(
         f'<div style="margin-top:4px;color:{ALARM if each.severity == "bad" else WARN}">'
         f"<b>{escape(each.verdict)}</b>: {escape(each.text)}</div>"
         for each in state.get("found", ())
@@ -59,8 +69,19 @@ def numbers(state: Mapping[str, Any]) -> str:
     return (
         f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
         f'<table style="width:100%;border-collapse:collapse">{cells}</table>'
-        f'<div id="vff-found">{found}</div></div>'
+        f'<div id="vff-found">{lines}</div></div>'
     )
+
+
+def found(state: Mapping[str, Any], scenario: Scenario) -> list[Finding]:
+    """What has happened since the start or the last reset, the worst first; where the tip is now is shown
+    beside it.
+    """
+    facts = {name: value for name, value in state["metrics"].items() if not name.startswith("end_")}
+    happened = list(findings(facts, scenario.arm, Layout.of(scenario.to_dict()).slides))
+    if state["status"] in STOPPED:
+        happened.insert(0, Finding(state["status"], "bad", state["message"]))
+    return happened
 
 
 def details(state: Mapping[str, Any], notes: Iterable[str] = ()) -> str:

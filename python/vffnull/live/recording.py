@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -42,6 +43,10 @@ class Recording:
             self._recorder.write(SimpleNamespace(**{name: values[k] for name, values in given.items()}))
         self.rows += len(given["t"])
 
+    def drop(self) -> None:
+        """End it where nothing can be written any longer."""
+        self._live.record(False)
+
     def close(self) -> None:
         """Write what is left and end the file."""
         try:
@@ -49,3 +54,54 @@ class Recording:
         finally:
             self._live.record(False)
             self._recorder.close()
+
+
+class Recorder:
+    """Begins and ends the recordings of a page.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go.
+    show : callable
+        Told whether something is recorded.
+    tell : callable
+        Told, with a title and a text, of what nobody has asked for.
+    """
+
+    def __init__(self, folder: Path, show: Callable[[bool], None], tell: Callable[[str, str], None]) -> None:
+        self._folder, self._show, self._tell = folder, show, tell
+        self._recording: Recording | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether something is recorded."""
+        return self._recording is not None
+
+    def begin(self, live: _core.Live, scenario: Scenario) -> Path:
+        """Begin to record, unless that is done already; the file."""
+        if self._recording is None:
+            self._recording = Recording(live, scenario, self._folder)
+            self._show(True)
+        return self._recording.path
+
+    def end(self) -> tuple[Path, int] | None:
+        """End a recording; its file and the number of its rows."""
+        recording, self._recording = self._recording, None
+        if recording is None:
+            return None
+        recording.close()
+        self._show(False)
+        return recording.path, recording.rows
+
+    def drain(self) -> None:
+        """Write what has been recorded; a disk that is full ends the recording, not the page."""
+        try:
+            if self._recording is not None:
+                self._recording.drain()
+        except OSError as fault:
+            if self._recording is not None:
+                self._recording.drop()
+            self._recording = None
+            self._show(False)
+            self._tell("The recording has ended", str(fault))

@@ -37,7 +37,11 @@ class Camera:
     far: float
 
     def move(self, client: viser.ClientHandle) -> None:
-        """Take the camera of somebody there."""
+        """Take the camera of somebody there; one that a broken browser has somewhere else than in space
+        cannot be taken.
+        """
+        if not is_finite(client.camera):
+            return
         with client.atomic():
             client.camera.up_direction = self.up
             client.camera.fov = self.fov
@@ -52,6 +56,11 @@ class Camera:
         camera.fov, camera.far = self.fov, self.far
         at = np.array(self.look_at)
         camera.up, camera.position, camera.look_at = self.up, at + 1.05 * (self.position - at), at
+
+
+def is_finite(camera: viser.CameraHandle) -> bool:
+    """Whether what a browser says of its camera are places in space, and a picture of some size."""
+    return bool(np.isfinite([*camera.position, *camera.look_at, camera.aspect]).all()) and camera.aspect > 0
 
 
 def seen_above(aspect: float) -> float:

@@ -13,7 +13,7 @@ import viser
 from vffnull._core import distances, matrices, quaternions
 from vffnull.draw import colours, geometry
 from vffnull.draw.shapes import pushed_links
-from vffnull.live.scene.camera import Camera, framing
+from vffnull.live.scene.camera import Camera, framing, is_finite
 from vffnull.live.scene.cup import LEVEL, Cup, carries, stays_level, upright_in
 from vffnull.live.scene.hands import Grip, Held
 from vffnull.live.scene.looks import (
@@ -125,7 +125,7 @@ class SpaceScene(Scene):
         if np.linalg.norm(moved) > 2e-3 * self.reach:
             self._followed = tip
             for client in clients:
-                if client.camera.update_timestamp > 0.0:
+                if client.camera.update_timestamp > 0.0 and is_finite(client.camera):
                     client.camera.position = client.camera.position + moved
 
     # ------------------------------------------------------------------------------------------------ drag
