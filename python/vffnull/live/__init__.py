@@ -33,10 +33,10 @@ def live(
 
     A thread computes plant and law at 1 kHz against the wall clock; nothing of it is slowed down by the page.
     Obstacles and the target are dragged with the mouse, in the plane and in space. Between two messages of
-    the browser they move smoothly, and the field gets their exact velocity. Time begins
-    when whoever opens the page first sees the picture. What goes away for ever, an obstacle along a line or a
-    reference that is a polynomial, is watched for the duration of the scenario: then the page pauses, once, and
-    goes on at the press of a button or as soon as something is dragged. All else runs on.
+    the browser they move smoothly, and the field gets their exact velocity. Time begins when whoever opens
+    the page first sees the picture. Where something goes away for ever, an obstacle along a line or a
+    reference that is a polynomial, the page pauses at the duration of the scenario, once, and goes on at the
+    press of a button or a drag; everything else runs on.
 
     Parameters
     ----------
