@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import vffnull as vff
+from vffnull.errors import InputError
 from waiting import HANG, processor_time, wait_for
 
 
@@ -237,6 +238,38 @@ def test_wrong_output_is_found_before_the_run(tmp_path: Path) -> None:
     vffnull("run", "paper-1", "--save", tmp_path / "run.xlsx", code=2)
     vffnull("run", "paper-1", "--plot", tmp_path / "file", code=2)
     vffnull("run", "paper-1", "--set", "duration=0.1", "--save", tmp_path / "missing" / "run.npz", code=2)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (["--plot", "x.jpg"], "x.jpg: a figure is written as .png, .pdf or .svg, not .jpg"),
+        (["--plot", "x.gif"], "a figure is written as"),
+        (["--plot", ""], "not an empty name"),
+        (["--plot", "x.svg", "--format", "pdf"], "--format pdf: x.svg is written as its ending says"),
+    ],
+)
+def test_figures_of_no_kind_are_refused_before_the_run(given: list[str], says: str, tmp_path: Path) -> None:
+    """No folder is made of a file's name, and nothing is written where nothing was named."""
+    command = [sys.executable, "-m", "vffnull", "run", "paper-1", "--quiet", *given]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=HANG, check=False)
+    assert done.returncode == 2 and says in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_figure_and_folders_with_dots(tmp_path: Path, short: vff.Result) -> None:
+    """An ending counts in capitals, too; what is no ending belongs to the name of a folder."""
+    short_run = ("run", "sweep-through", "--quiet", "--set", "duration=0.1", "--plot")
+    vffnull(*short_run, tmp_path / "one.PNG")
+    assert (tmp_path / "one.PNG").read_bytes().startswith(b"\x89PNG")
+    vffnull(*short_run, tmp_path / "one.svg", "--format", "svg")
+    assert b"<svg" in (tmp_path / "one.svg").read_bytes()
+    vffnull(*short_run, tmp_path / "gain-0.5", "--format", "svg")
+    assert (tmp_path / "gain-0.5" / "overview.svg").is_file()
+    with pytest.raises(InputError, match="figure is written as"):
+        short.plot(tmp_path / "x.jpg")
+    with pytest.raises(InputError, match="empty name"):
+        short.plot("")
 
 
 ERRORS = [

@@ -113,6 +113,15 @@ def test_everything_is_packed_where_it_is(tmp_path: Path) -> None:
     np.testing.assert_allclose(rotation(unpack(space["tool"], 4)), scene.turns, atol=1e-6)
 
 
+def test_points_of_sensors_are_no_curve_to_choose(tmp_path: Path) -> None:
+    """They would be most of a page."""
+    watched = vff.simulate("panda-watched", {"duration": 0.1})
+    assert watched.sensed is not None
+    (run,) = runs_of(watched.report(tmp_path / "watched.html"))
+    names = [each["name"] for each in run["quantities"]]
+    assert "sensed" not in names and "clearance" in names
+
+
 def test_a_link_that_slides_is_packed_as_it_is(tmp_path: Path) -> None:
     """Of an arm without shapes, links are thin lines from joint to joint; one that slides becomes longer."""
     body = {"mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": [0.02, 0.02, 0.02, 0.0, 0.0, 0.0]}

@@ -310,6 +310,46 @@ def test_the_strobe_picture_has_three_aligned_projections(result: vff.Result) ->
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
+def test_axes_of_a_tall_scene_are_named(tmp_path: Path) -> None:
+    """Their names are within the picture, on each side."""
+    tall = vff.simulate("panda-lean", {"duration": 0.02, "wrenches": None})
+    figures = tall.plot()
+    assert isinstance(figures, dict)
+    for name in ("overview", "strobe"):
+        figure = figures[name]
+        figure.savefig(tmp_path / "tall.png")
+        deep: Any = next(ax for ax in _all_axes(figure) if hasattr(ax, "zaxis"))
+        for axis in (deep.xaxis, deep.yaxis, deep.zaxis):
+            box = axis.label.get_window_extent()
+            assert box.x0 > 0 and box.y0 > 0 and box.x1 < figure.bbox.x1 and box.y1 < figure.bbox.y1, name
+
+
+def _all_axes(figure: Any) -> list[Any]:
+    """Of a figure and of its parts."""
+    return [*figure.axes, *(ax for part in figure.subfigs for ax in part.axes)]
+
+
+def test_what_sensors_see_in_space_has_no_axes_and_is_there_whole() -> None:
+    """A picture from a corner has nothing to be read along its edges; the person's arm is within it."""
+    watched = vff.simulate("panda-watched", {"duration": 0.05})
+    figures = watched.plot()
+    assert isinstance(figures, dict)
+    ax = figures["sensed"].axes[0]
+    assert not ax.axison
+    scene = Scene.of_result(watched)
+    low, high = np.transpose([ax.get_xlim(), ax.get_ylim()])
+    for index in range(2):
+        (body,) = [each for each in scene.at(0, ["obstacle"]) if getattr(each, "index", None) == index]
+        assert isinstance(body, Body)
+        assert (body.outline() > low).all() and (body.outline() < high).all()
+
+
+def test_paths_of_obstacles_and_of_the_reference_are_told_apart() -> None:
+    scene = Scene.of_result(vff.simulate("iiwa-line", {"duration": 0.5}))
+    colours = {line.get_label(): line.get_color() for line in space.key(scene)}
+    assert len({colours[name] for name in ("obstacle", "reference", "tip")}) == 3
+
+
 def test_limits_are_shares_with_what_is_left(result: vff.Result) -> None:
     """At −1 and 1 a joint is at its limits; the nearest is named, in its own unit."""
     angle, _, torque = limits.uses(result)
@@ -338,6 +378,10 @@ def test_limits_that_are_broken_or_missing(result: vff.Result) -> None:
     assert joint == 2 and left == pytest.approx(2.8973 - 3.5)
     axes = limits.limits(broken).axes
     assert axes[0].get_ylim()[1] > 3.5 / 2.8973 and "603 mrad beyond" in axes[0].texts[0].get_text()
+    tau = result.tau.copy()
+    tau[3, 1] = result.scenario.arm.torque_limits[1] * (1.0 + 1e-15)
+    axes = limits.limits(dataclasses.replace(result, tau=tau)).axes
+    assert axes[2].texts[0].get_text() == "joint 1: at its limit"
     endless = vff.simulate("gen3-circle", {"duration": 0.01})
     assert limits.uses(endless)[0].joints == [1, 3, 5]
     figures = vff.simulate("paper-1", {"duration": 0.01}).plot()

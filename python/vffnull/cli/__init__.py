@@ -31,6 +31,7 @@ from vffnull.cli.common import (
     exit_code,
     format_option,
     has_folder,
+    place_of_figures,
     prepared,
     run_with_bar,
     say,
@@ -182,7 +183,8 @@ for _command in (
 @click.option(
     "--plot",
     "plot_to",
-    type=click.Path(path_type=Path),
+    type=click.Path(),
+    callback=place_of_figures,
     metavar="DIR|FILE",
     help="Write the figures; or one picture, FILE.png.",
 )
@@ -224,7 +226,7 @@ def run(
     if save_to is not None:  # find out before the run, not after it
         check_path(save_to)
         has_folder(save_to)
-    if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:
+    if plot_to is not None and plot_to.suffix.lower() not in FIGURE_ENDINGS:
         plot_to.mkdir(parents=True, exist_ok=True)
     result = run_with_bar(ready, quiet, plant)
     files: list[Path] = []

@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 import vffnull._core as _core
 from vffnull._support import progress as _progress
 from vffnull._support.errors import ScenarioError, ScenarioWarning, VffNullError
-from vffnull._support.figures import FIGURE_FORMATS
+from vffnull._support.figures import FIGURE_FORMATS, is_file
 from vffnull.logs import READABLE
 from vffnull.model.scenario import Scenario, prepare, scenarios, shown, source_of
 from vffnull.run.result import Result, Status
@@ -58,6 +59,17 @@ def complete_key(context: click.Context, _param: click.Parameter, begun: str) ->
     return [CompletionItem(f"{name}=") for name in names if name.startswith(begun)]
 
 
+def place_of_figures(context: click.Context, _param: click.Parameter, text: str | None) -> Path | None:
+    """Where ``--plot`` writes: a folder, or one file that says by its ending how it is written."""
+    if text is None:
+        return None
+    if is_file(text) and context.get_parameter_source("figure_format") is ParameterSource.COMMANDLINE:
+        wanted = context.params["figure_format"]
+        if Path(text).suffix.lower() != f".{wanted}":
+            raise click.UsageError(f"--format {wanted}: {text} is written as its ending says")
+    return Path(text)
+
+
 def format_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """The option ``--format`` of figures."""
     return click.option(
@@ -66,6 +78,7 @@ def format_option(command: Callable[..., Any]) -> Callable[..., Any]:
         type=click.Choice(FIGURE_FORMATS),
         default=FIGURE_FORMATS[0],
         show_default=True,
+        is_eager=True,  # --plot asks for it
         help="Kind of file of --plot.",
     )(command)
 

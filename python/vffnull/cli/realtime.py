@@ -12,7 +12,7 @@ from click.core import ParameterSource
 import vffnull._core as _core
 from vffnull._support import progress as _progress
 from vffnull._support.errors import InputError
-from vffnull._support.figures import FIGURE_ENDINGS
+from vffnull._support.figures import checked_file
 from vffnull.cli.common import (
     FAILED,
     FINE,
@@ -97,8 +97,8 @@ def realtime(
         return _emulated(ready, robot, disturbed, seconds if _is_given(context, "seconds") else None, as_json)
     if disturbed:
         raise InputError("--disturbed: needs --robot")
-    if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:  # find out before the run, not after it
-        raise InputError(f"--plot {plot_to}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
+    if plot_to is not None:  # find out before the run, not after it
+        checked_file(plot_to)
     bar = interactive() and not as_json
     report = measure(ready, rate, seconds, priority, core, progress=bar)
     for note in report.notes:

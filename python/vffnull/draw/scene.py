@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from vffnull.model.scenario import Scenario
 
 
+AROUND = 0.35
+"""How far from the arm a picture in one plane goes for what comes near it [sizes of the arm]."""
 _PAIRS = 200_000
 """Of links and obstacles that are measured at a time."""
 _CORNER = -50.0, 20.0
@@ -503,21 +505,23 @@ class Scene:
         return np.asarray(np.max([np.zeros(len(self.t)), *away], axis=0))
 
     def frame(
-        self, margin: float = 0.12, view: Array | None = None, *, field: bool = False
+        self, margin: float = 0.12, view: Array | None = None, *, field: bool = False, around: float = AROUND
     ) -> tuple[Array, Array]:
         """The corners (2,) and (2,) [m] of a picture of the arm at all times and of what it meets.
 
         Obstacles count where they come near the arm, with a `field` also the ring around them at the start;
-        one that passes far away does not shrink the picture.
+        one that passes far away, or is large, does not shrink the picture by more than `around` allows.
         """
         places = [self.joints.reshape(-1, self.dimension)]
         places += [each.corners.reshape(-1, self.dimension) for each in (*(self.solids or ()), *self.plan)]
         arm = geometry.seen(np.vstack(places), view)
-        around = np.vstack([arm, geometry.seen(self.reference, view)])
-        low, high = around.min(axis=0), around.max(axis=0)
-        reach = 0.35 * float((high - low).max())
+        every = np.vstack([arm, geometry.seen(self.reference, view)])
+        low, high = every.min(axis=0), every.max(axis=0)
+        reach = around * float((high - low).max())
         inner = low, high
         for index, (corners, radius) in enumerate(self.cores):
+            if self.dimension == 3 and geometry.is_surface(corners):
+                continue  # a surface has no end
             if len(self.corners(index)) > 1:  # as far as it reaches on its way round
                 reaches = float(np.linalg.norm(corners, axis=1).max())
                 corners, radius = np.zeros((1, self.dimension)), radius + reaches

@@ -338,13 +338,14 @@ class Result(Outcome):
         Raises
         ------
         vffnull.errors.InputError
-            If figures are not written in this format.
+            If figures are not written in this format, or in a file with another ending.
         """
-        from vffnull._support.figures import ending
+        from vffnull._support.figures import ending, is_file
         from vffnull.draw import figures as plotting
 
         if directory is None:
             return plotting.draw(self)
+        is_file(directory)  # or a folder; what is neither is refused
         return plotting.save(self, Path(directory), ending(format))
 
     @overload

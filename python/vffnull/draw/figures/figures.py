@@ -47,7 +47,7 @@ def save(result: Outcome, directory: Path, ending: str = ".png") -> list[Path]:
     """Draw every figure and write each to a file of its name, or the overview to one; returns the files."""
     if ending not in FIGURE_ENDINGS:
         raise InputError(f"figures are written as {', '.join(FIGURE_ENDINGS)}, not {ending}")
-    if directory.suffix in FIGURE_ENDINGS and not directory.is_dir():
+    if directory.suffix.lower() in FIGURE_ENDINGS and not directory.is_dir():
         directory.parent.mkdir(parents=True, exist_ok=True)
         with style.look(), replacing(directory) as draft:
             overview.overview(drawable(result)).savefig(draft)

@@ -11,12 +11,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vffnull.draw import style
+from vffnull.model.headline import OVER
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-9  # the share of its range by which a joint at its stop may be off
 _ROOM = 1.12  # up to which share a panel goes; farther where a limit is broken
 
 
@@ -92,7 +94,15 @@ def _panel(ax: Axes, use: Use, result: Outcome) -> None:
     sides = ["lower", "middle", "upper"] if use.name == "q" else ["−limit", "0", "limit"]
     ax.set_yticks([-1.0, 0.0, 1.0], sides)
     ax.set_ylabel(f"joint {use.what}")
+    style.note(ax, _left(use, result))
+
+
+def _left(use: Use, result: Outcome) -> str:
+    """How near the nearest joint comes to its limit; held limits are exceeded by parts in ten thousand."""
     joint, left = use.nearest()
+    low, high = use.bounds[joint]
+    if abs(left) <= (OVER if use.name != "q" else _ROUNDING) * (high - low) / 2:
+        return f"joint {joint}: at its limit"
     factor, unit = style.prefixed(abs(left), result.layout.unit(use.name, str(joint)))
     size = f"{factor * abs(left):.3g}" if abs(left) < 1e3 else f"{abs(left):.0f}"
-    style.note(ax, f"joint {joint}: {size} {unit} {'left' if left >= 0.0 else 'beyond'}")
+    return f"joint {joint}: {size} {unit} {'left' if left >= 0.0 else 'beyond'}"

@@ -20,7 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from vffnull.draw import geometry, style
+from vffnull.draw import geometry
 from vffnull.draw.figures.rays import Solid
 from vffnull.draw.figures.render import Balls, Canvas, Layer, rods
 from vffnull.draw.primitives import COLOURS, UNSEEN, Axes, Body, Cloud, Curve, Role
@@ -46,6 +46,7 @@ DARK = np.array([60, 64, 72]) / 255.0
 _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
 TABLE = np.array([222, 214, 202]) / 255.0
 """The same of planes."""
+_ZOOM = 0.97  # of a box in three dimensions
 _FAR = 1.5  # of the arm's reach, beyond the arm's own box
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
@@ -161,7 +162,7 @@ def path_layers(scene: Scene, row: int, thin: float) -> list[Layer]:
     for index in range(scene.obstacles.shape[1]):
         places = scene.obstacles[:, index]
         if travels(places):
-            lines += rods(places, 0.6 * thin, _tint(style.MUTED, 0.0), dashed=True)
+            lines += rods(places, 0.6 * thin, _tint(COLOURS["obstacle"], 0.0), dashed=True)
     for each in scene.at(row, ["reference", "trail"]):
         assert isinstance(each, Curve)
         dashed = each.role == "reference"
@@ -232,7 +233,7 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
     ax.set_proj_type("ortho")
     ax.view_init(elev=ELEVATION, azim=AZIMUTH + scene.next_corner)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_box_aspect(high - low, zoom=0.97)
+    ax.set_box_aspect(high - low, zoom=_ZOOM)
     ax.patch.set_alpha(0.0)
     named = ((ax.xaxis, "$x$ [m]", -2.5), (ax.yaxis, "$y$ [m]", -2.5), (ax.zaxis, "$z$ [m]", -7.0))
     for axis, name, away in named:
@@ -245,7 +246,23 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
         axis.set_tick_params(labelsize=6.5, pad=-3.0)
         axis.set_label_text(name)
         axis.labelpad = away
+    _shrink(ax, fig)
     return ax
+
+
+def _shrink(ax: Any, fig: Any) -> None:
+    """Make a box smaller whose labels an edge of the figure would cut off, as below one that is tall."""
+    renderer = ax.get_figure(root=True).canvas.get_renderer()
+    ax.draw(renderer)  # only now the labels have places
+    seen, middle = fig.bbox, ax.bbox.corners().mean(axis=0)
+    room = np.array([seen.x0, seen.y0, -seen.x1, -seen.y1]) - [*middle, *-middle]
+    boxes = [axis.label.get_window_extent(renderer) for axis in (ax.xaxis, ax.yaxis, ax.zaxis)]
+    needed = np.array([[box.x0, box.y0, -box.x1, -box.y1] for box in boxes]) - [*middle, *-middle]
+    edge = 0.03 * renderer.dpi
+    share = float(((room + edge) / np.minimum(needed, room + edge)).min())
+    if share < 1.0:
+        low, high = np.transpose([axis.get_view_interval() for axis in (ax.xaxis, ax.yaxis, ax.zaxis)])
+        ax.set_box_aspect(high - low, zoom=_ZOOM * share)
 
 
 def _inside(low: float, high: float) -> Array:
@@ -330,7 +347,7 @@ def key(scene: Scene) -> list[Line2D]:
     found = []
     if any(travels(scene.obstacles[:, i]) for i in range(scene.obstacles.shape[1])):
         found.append(
-            Line2D([], [], color=style.MUTED, linewidth=0.9, linestyle=(0, (2, 2)), label="obstacle")
+            Line2D([], [], color=COLOURS["obstacle"], linewidth=0.9, linestyle=(0, (2, 2)), label="obstacle")
         )
     if scene.moves:
         found.append(

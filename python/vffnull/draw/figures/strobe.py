@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vffnull.draw import style
 from vffnull.draw.figures import canvas, space
 from vffnull.draw.primitives import Marks
-from vffnull.draw.scene import Scene
+from vffnull.draw.scene import AROUND, Scene
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome
@@ -79,9 +79,9 @@ def in_depth(fig: Any, scene: Scene, rect: tuple[float, float, float, float]) ->
         ax.legend(handles=lines, loc="upper left", bbox_to_anchor=(0.02, 0.985))
 
 
-def natural_height(scene: Scene, width: float, *, field: bool = False) -> float:
+def natural_height(scene: Scene, width: float, *, field: bool = False, around: float = AROUND) -> float:
     """Height [in] at which a strobe picture of a given width has no empty margins, within reason."""
-    low, high = scene.frame(field=field)
+    low, high = scene.frame(field=field, around=around)
     wide, tall = high - low
     return _LABELS[1] + (width - _LABELS[0]) * float(np.clip(tall / wide, 0.4, 1.3))
 
@@ -122,10 +122,21 @@ def draw(ax: Axes, scene: Scene, rows: list[Any], colours: list[Any]) -> None:
         canvas.paint(ax, scene.at(row, ["link", "joint"]), colour=colour, zorder=3 + order / len(rows))
 
 
-def stage(ax: Axes, scene: Scene, height: float, width: float = style.COLUMN, *, field: bool = False) -> None:
-    """The arm's base and the axes, with limits that fill a space of `width` by `height` [in]."""
+def stage(
+    ax: Axes,
+    scene: Scene,
+    height: float,
+    width: float = style.COLUMN,
+    *,
+    field: bool = False,
+    around: float = AROUND,
+) -> None:
+    """The arm's base and the axes, with limits that fill a space of `width` by `height` [in].
+
+    The picture of a scene in space has no axes: nothing can be read from them.
+    """
     canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
-    low, high = scene.frame(field=field)
+    low, high = scene.frame(field=field, around=around)
     room = np.array([width - _LABELS[0], height - _LABELS[1]])
     scale = float(((high - low) / room).max())  # m per inch
     spare = (scale * room - (high - low)) / 2
@@ -136,6 +147,8 @@ def stage(ax: Axes, scene: Scene, height: float, width: float = style.COLUMN, *,
     if scene.dimension == 2:
         ax.set_xlabel("$x$ [m]", loc="right")
         ax.set_ylabel("$y$ [m]")
+    else:
+        ax.set_axis_off()
 
 
 def shades(count: int) -> list[Any]:

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
-from vffnull._support.errors import InputError
-from vffnull._support.figures import FIGURE_ENDINGS
+from vffnull._support.figures import checked_file
 from vffnull._support.files import replacing
 from vffnull.draw import style
 
@@ -35,8 +34,7 @@ def draw(report: Timing) -> Figure:
 
 def save(report: Timing, path: Path) -> Path:
     """Draw it into a file."""
-    if path.suffix not in FIGURE_ENDINGS:
-        raise InputError(f"{path}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
+    checked_file(path)
     with style.look(), replacing(path) as draft:
         _figure(report).savefig(draft)
     return path

@@ -33,7 +33,9 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
             "torque": packed(np.abs(result.tau[rows]).max(axis=1)),
         },
         "quantities": [
-            _quantity(name, values[rows], result.layout) for name, values in _record.recorded(result).items()
+            _quantity(name, values[rows], result.layout)
+            for name, values in _record.recorded(result).items()
+            if name != "sensed"  # thousands of points at every instant: most of a page, and no curve to read
         ],
     }
 
