@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import vffnull as vff
-from vffnull.errors import InputError
+from vffnull.errors import InputError, ScenarioError
 from waiting import HANG, processor_time, wait_for
 
 
@@ -270,6 +270,31 @@ def test_one_figure_and_folders_with_dots(tmp_path: Path, short: vff.Result) -> 
         short.plot(tmp_path / "x.jpg")
     with pytest.raises(InputError, match="empty name"):
         short.plot("")
+
+
+def test_what_is_wrong_with_a_file_names_it(tmp_path: Path) -> None:
+    """Also what is found only when all of it is known."""
+    text = str(vff.Scenario.load("sweep-through"))
+    (tmp_path / "key.toml").write_text(text.replace("stiffness =", "stifness =", 1), encoding="utf-8")
+    done = vffnull("run", "key.toml", cwd=tmp_path, code=2)
+    assert done.stderr.startswith("error: key.toml: controller: unknown key `stifness`")
+    done = vffnull("validate", "key.toml", cwd=tmp_path, code=2)
+    assert done.stderr.count("key.toml") == 1
+    with pytest.raises(ScenarioError, match=r"key\.toml: controller: unknown key") as told:
+        vff.Scenario.load(tmp_path / "key.toml")
+    assert told.value.path == "controller"
+
+
+@pytest.mark.parametrize("text", ["x" * 500_000, f"q0 = [{'0.1, ' * 100_000}oh]", f"a = {'[' * 100_000}"])
+def test_a_long_line_is_not_told_in_full(text: str, tmp_path: Path) -> None:
+    """But what stands around the fault, and the mark below it."""
+    (tmp_path / "long.toml").write_text(text, encoding="utf-8")
+    done = vffnull("run", "long.toml", cwd=tmp_path, code=2)
+    assert len(done.stderr) < 400 and "long.toml: not valid TOML" in done.stderr
+    line, mark = done.stderr.splitlines()[3:5]
+    assert line.startswith("1 | …") and mark.rstrip().endswith("^")
+    if text.endswith("oh]"):
+        assert line[mark.index("^")] == "o"
 
 
 ERRORS = [

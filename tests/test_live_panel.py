@@ -258,5 +258,5 @@ def test_files_that_cannot_be_opened_are_refused() -> None:
         scenario_of("mine.toml", text.replace('model = "panda"', 'urdf = "/etc/passwd"').encode())
     with pytest.raises(InputError, match="no text in UTF-8"):
         scenario_of("mine.toml", b"\xff\xfe")
-    with pytest.raises(ScenarioError):
+    with pytest.raises(ScenarioError, match=r"^mine\.toml: missing key"):
         scenario_of("mine.toml", b"duration = 1.0")

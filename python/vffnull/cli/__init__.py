@@ -49,6 +49,7 @@ from vffnull.model.arm_files import explicit
 from vffnull.model.document import Document
 from vffnull.model.outcome import seconds
 from vffnull.model.scenario import read, scenarios, shown, source_of
+from vffnull.model.toml_text import parsed
 from vffnull.model.validation import faults
 from vffnull.run.result import Result
 from vffnull.run.simulate import PLANTS
@@ -273,7 +274,7 @@ def show(scenario: str, as_json: bool) -> None:
     """
     text = read(scenario)
     if as_json:
-        echo_json(_core.parse_toml(text, shown(scenario)))
+        echo_json(parsed(text, shown(scenario)))
         return
     click.echo(text, nl=False)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import vffnull._core as _core
 from vffnull._support.errors import InputError
 from vffnull.model.scenario import Scenario
+from vffnull.model.toml_text import naming, parsed
 
 LARGEST = 10_000_000
 """Bytes of a file that is opened."""
@@ -29,14 +29,15 @@ def scenario_of(name: str, content: bytes) -> Scenario:
         text = content.decode()
     except UnicodeDecodeError as error:
         raise InputError(f"{name}: is no text in UTF-8") from error
-    document = _core.parse_toml(text, name)
+    document = parsed(text, name)
     arm = document.get("arm")
     for key in ELSEWHERE:
         if isinstance(arm, dict) and key in arm:
             raise InputError(
                 f"{name}: arm.{key} names files that do not come along; `vffnull live {name}` opens it"
             )
-    return Scenario.from_dict(document)
+    with naming(name):
+        return Scenario.from_dict(document)
 
 
 def file_name(scenario: str, suffix: str) -> str:

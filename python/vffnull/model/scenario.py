@@ -6,6 +6,7 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from vffnull._support.errors import InputError, InputTypeError, ScenarioError
 from vffnull.model.arm import arm_of
 from vffnull.model.arm_files import anchored, explicit
 from vffnull.model.document import Document, HasDocument, frozen, get, plain, put
+from vffnull.model.toml_text import naming, parsed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -172,7 +174,9 @@ class Scenario:
         vffnull.errors.ScenarioError
             If there is no such scenario, or if it cannot be run.
         """
-        return cls.from_dict(anchored(_core.parse_toml(read(source), shown(source)), _folder(source)))
+        document = _written(source)
+        with _naming(source):
+            return cls.from_dict(document)
 
     @classmethod
     def _of(cls, document: Document) -> Scenario:
@@ -334,7 +338,8 @@ def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) 
     document = source_of(scenario)
     before = copy.deepcopy(document) if overrides else document
     try:
-        return Scenario.from_dict(changed(document, overrides))
+        with nullcontext() if overrides else _naming(scenario):  # an override may be at fault
+            return Scenario.from_dict(changed(document, overrides))
     except ScenarioError as error:
         raise with_hint(error, overrides or {}, before) from None
 
@@ -373,7 +378,18 @@ def source_of(scenario: ScenarioLike) -> Document:
     if isinstance(scenario, Mapping):
         document: Document = plain(scenario)
         return document
-    return anchored(_core.parse_toml(read(scenario), shown(scenario)), _folder(scenario))
+    return _written(scenario)
+
+
+def _written(source: str | os.PathLike[str]) -> Document:
+    """The document of a bundled scenario or of a TOML file, as it is written."""
+    return anchored(parsed(read(source), shown(source)), _folder(source))
+
+
+def _naming(source: object) -> AbstractContextManager[None]:
+    """What is wrong with a scenario in a file of one's own begins with its name."""
+    is_file = isinstance(source, str | os.PathLike) and os.fspath(source).endswith(".toml")
+    return naming(shown(source)) if is_file else nullcontext()  # type: ignore[arg-type]
 
 
 def _folder(source: str | os.PathLike[str]) -> Path:
