@@ -489,6 +489,7 @@ def test_a_report_lives_in_a_browser_without_a_network(browser: Any, tmp_path: P
         return pytest.approx(result.scenario.arm.forward_kinematics(result.q[row]).T.ravel(), abs=1e-4)
 
     assert tip() == arm_at(0)
+    assert np.linalg.norm(result.error[0]) < 1e-12 and page.text_content("#now-error") == "0 m"
     page.evaluate("const s = document.getElementById('slider'); s.value = s.max; s.oninput;"
                   "s.dispatchEvent(new Event('input'))")  # fmt: skip
     page.wait_for_function("document.getElementById('clock').value.startsWith('4.00')")

@@ -475,10 +475,13 @@ def test_the_command_line(tmp_path: Path) -> None:
     assert vff.Plan.load(tmp_path / "plan.npz").status == "found"
     away = run("--goal", "3.9,3.0")
     assert away.returncode == 3 and "goal out of reach" in away.stdout
+    assert re.search(r"^gap +[\d.]+ m  +what was left to the goal$", away.stdout, re.MULTILINE)
     for wrong in (["--goal", "a,b"], ["--goal", "1,2,3"], ["--orientation", "1"], ["--out", "x.txt"]):
         assert run(*wrong).returncode == 2
     posed = run("--goal", "2.5,0.4", "--orientation", "0.3")
     assert posed.returncode == 0, posed.stdout + posed.stderr
+    assert re.search(r"^clearance +[\d.]+ m  +smallest distance from obstacles$", posed.stdout, re.MULTILINE)
+    assert re.search(r"^duration +[\d.]+ s ", posed.stdout, re.MULTILINE)
 
 
 def test_ctrl_c_ends_a_search() -> None:

@@ -18,6 +18,7 @@ from vffnull.cli.common import (
     prepared,
     set_option,
 )
+from vffnull.model.outcome import readable
 
 if TYPE_CHECKING:
     from vffnull.planning import Plan
@@ -131,14 +132,36 @@ def plan(
     else:
         click.echo(click.style(ready.name or "scenario", bold=True), nl=False)
         click.echo(f": {found.status}\n{found.message}\n")
-        for name, value in list(_summary(found).items())[2:]:
-            click.echo(f"{name:12} {value}")
+        click.echo(_table(found))
         if out is not None:
             click.echo(f"\nwrote {out}")
     return FINE if found.status == "found" else FAILED
 
 
-def _summary(found: Plan) -> dict[str, object]:
+_MEANINGS = {
+    "duration": ("s", "how long the motion takes"),
+    "clearance": ("m", "smallest distance from obstacles"),
+    "margin": ("m", "distance that the path keeps where it keeps least"),
+    "gap": ("rad", "what was left to the goal"),
+    "samples": ("", "random configurations that were tried"),
+    "nodes": ("", "how many of them the search kept"),
+    "wall_time": ("s", "how long planning took"),
+}
+"""Unit and meaning of what is told of a plan."""
+
+
+def _table(found: Plan) -> str:
+    """What is told of a plan, with units."""
+    units = {"gap": "m"} if found.status == "goal out of reach" else {}
+    values = {name: readable(value) for name, value in list(_summary(found).items())[2:]}  # type: ignore[arg-type]
+    wide = max(map(len, values.values()))
+    return "\n".join(
+        f"{name:<9}  {value:>{wide}} {units.get(name, unit):<3}  {meaning}"
+        for (name, value), (unit, meaning) in zip(values.items(), _MEANINGS.values(), strict=True)
+    )
+
+
+def _summary(found: Plan) -> dict[str, str | float | int | None]:
     def finite(value: float, digits: int) -> float | None:
         return round(value, digits) if math.isfinite(value) else None
 

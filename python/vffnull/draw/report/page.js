@@ -109,6 +109,7 @@
   const prefixes = [["", 1], ["m", 1e-3], ["µ", 1e-6], ["n", 1e-9], ["p", 1e-12]];
   const readable = (value, unit) => {
     if (!Number.isFinite(value)) return "–";
+    if (Math.abs(value) < 1e-12) return `0 ${unit}`; // rounding
     const [prefix, factor] = prefixes.find(([, f]) => Math.abs(value) >= f) || ["", 1];
     return `${(value / factor).toPrecision(3).replace("-", "−")} ${prefix}${unit}`;
   };
