@@ -262,6 +262,16 @@ def test_what_may_pass_through_an_obstacle_is_not_said_to_be_clear(tmp_path: Pat
     assert name in free.headline.lines[0] and free.metrics.min_clearance > hit.metrics.min_clearance
 
 
+def test_metrics_call_links_as_a_scenario_does() -> None:
+    """In the plane, of a bundled arm, and of an arm of one's own; also where a result is loaded."""
+    for name in ("sweep-through", "panda-sweep", "lift-cage"):
+        result = vff.simulate(name, {"duration": 0.02})
+        links = result.scenario.arm.link_names
+        assert result.layout.links == tuple(links)
+        link = links[result.metrics.min_clearance_link]
+        assert f"counted from 0 at the base: {link}\n" in str(result.metrics)
+
+
 def test_an_interrupted_run_that_collided_has_collided() -> None:
     """The word is said once, and contact comes before it."""
     result = vff.simulate("sweep-through", {"controller.field.gain": 0.0})

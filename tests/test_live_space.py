@@ -766,3 +766,4 @@ def test_the_plots_say_what_their_axes_are(page: Any) -> None:
     for handle in page._plots._handles:
         assert handle.title.endswith("]") and " [" in handle.title
         assert handle.axes[0]["label"] == "simulated time [s]" and handle.axes[0]["size"] > 20
+        assert handle.axes[1]["size"] >= 60  # "100,000" is not cut off

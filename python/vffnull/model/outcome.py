@@ -147,7 +147,7 @@ class Metrics(Mapping[str, float | int | None]):
     def _rows(self) -> list[tuple[str, str, str, str]]:
         """Name, value, unit and meaning of what has a value."""
         return [
-            (name, readable(value), *self._layout.metric(name))
+            (name, readable(value), self._layout.metric(name)[0], self._layout.told(name, value))
             for name, value in self.items()
             if value is not None
         ]

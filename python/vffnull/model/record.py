@@ -9,7 +9,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import vffnull._core as _core
@@ -133,6 +134,9 @@ _OF_JOINTS = (
 )
 
 
+_WHICH_LINK = ("min_clearance_link", "min_self_clearance_link", "min_self_clearance_other", "touched_link")
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where a run takes place, as far as names and units depend on it."""
@@ -141,15 +145,19 @@ class Layout:
     """Of the space that the arm moves in."""
     slides: frozenset[int] = frozenset()
     """Which joints slide instead of turning, counted from 0."""
+    links: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    """What the links are called, as in `ignore` of an obstacle."""
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Layout:
         """That of a scenario's document."""
         arm = document.get("arm", {})
         if not is_spatial(arm):
-            return cls()
+            return cls(links=tuple(f"link_{i + 1}" for i in range(len(document.get("q0", ())))))
         joints = arm.get("joints") or ()
-        return cls(3, frozenset(i for i, joint in enumerate(joints) if joint.get("kind") == "prismatic"))
+        links = tuple(_moved_by(joint) for joint in joints) or _links_of(str(arm.get("model")))
+        slides = frozenset(i for i, joint in enumerate(joints) if joint.get("kind") == "prismatic")
+        return cls(3, slides, links)
 
     @property
     def quantities(self) -> dict[str, Quantity]:
@@ -162,6 +170,13 @@ class Layout:
         if self.dimension == 3 and name == "min_manipulability":
             unit = self.unit("manipulability")
         return unit, meaning
+
+    def told(self, name: str, value: object) -> str:
+        """The description of a metric of this value: with the name of the link, where it says which."""
+        meaning = self.metric(name)[1]
+        if name not in _WHICH_LINK or not isinstance(value, int) or not 0 <= value < len(self.links):
+            return meaning
+        return f"{meaning}: {self.links[value]}"
 
     def names(self, over: Dimension) -> tuple[str, ...] | None:
         """What the places along a dimension are called, or None where they count from 0."""
@@ -225,6 +240,19 @@ class Layout:
             "task": _TASK_WIDTHS[self.dimension][task],
             "obstacle": len(document.get("obstacles", ())),
         }
+
+
+def _moved_by(joint: Mapping[str, Any]) -> str:
+    """The name of the link that a joint moves: its own, where the link has none."""
+    return str(joint.get("link", joint.get("name", "")))
+
+
+@cache
+def _links_of(model: str) -> tuple[str, ...]:
+    """The names of a bundled arm's links; of what has no joints here, none."""
+    if model not in _core.ARMS:
+        return ()
+    return tuple(_moved_by(joint) for joint in _core.arm_model(model)["joints"])
 
 
 def recorded(source: object) -> dict[str, NDArray[Any]]:

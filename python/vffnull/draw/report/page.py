@@ -148,6 +148,8 @@ def _metrics(results: list[Outcome]) -> Iterator[tuple[str, list[str], str, str]
         if _is_missing(name, results):
             continue
         unit, meaning = results[0].layout.metric(name)
+        if len(results) == 1:
+            meaning = results[0].layout.told(name, results[0].metrics[name])
         yield name, [readable(run.metrics.get(name)) for run in results], unit, meaning
 
 
