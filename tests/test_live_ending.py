@@ -51,6 +51,16 @@ def test_a_scene_that_is_watched_pauses_at_its_end(short: Any) -> None:
         short.reset()
 
 
+def test_whoever_comes_first_and_late_sees_the_beginning(short: Any) -> None:
+    """Also where the scene has come to its end before there was a browser."""
+    waits(short)
+    client: Any = SimpleNamespace(client_id=1, camera=SimpleNamespace(on_update=lambda told: told))
+    obey(short._welcome(client))
+    assert short.snapshot()["t"] < END / 2 and short._end.at is None
+    obey(short._miss(client))  # who waits for no picture
+    waits(short)
+
+
 def test_whoever_drags_has_no_end(short: Any) -> None:
     """Neither before it nor at it: what is taken hold of moves."""
     waits(short)

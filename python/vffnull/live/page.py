@@ -499,7 +499,8 @@ class LivePage:
         with self._lock:
             seen, self._seen = self._seen, True
             untouched = not self._dragged and not self._recorder.is_on and not self._over.is_set()
-            if not seen and untouched and self._live.snapshot()["status"] == "running":
+            is_watched = self._live.snapshot()["status"] == "running" or self._end.at is not None
+            if not seen and untouched and is_watched:
                 for live in self._loops():
                     live.reset()
                 self._end.begin(self._scenario)
