@@ -166,18 +166,19 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
             self.record.end_with_finite_row();
         }
         let end_time = self.closed_loop.time();
+        let told = (1e9 * end_time).round() / 1e9; // without what steps add up to by rounding
         let (status, message) = if self.diverged {
             let message = format!(
-                "the state left the finite range after t = {end_time} s: the torque is too stiff \
+                "the state left the finite range after t = {told} s: the torque is too stiff \
                  for the step, or the scenario is unstable"
             );
             (Status::Diverged, message)
         } else if !self.is_over() {
-            (Status::Interrupted, format!("interrupted at t = {end_time} s"))
+            (Status::Interrupted, format!("interrupted at t = {told} s"))
         } else {
             let collided = self.metrics.collision_time().is_some();
             let status = if collided { Status::Collided } else { Status::Completed };
-            (status, format!("reached its end at t = {end_time} s"))
+            (status, format!("reached its end at t = {told} s"))
         };
         let metrics = self.metrics.values(self.closed_loop.left_out());
         let replans = self.closed_loop.replans().to_vec();

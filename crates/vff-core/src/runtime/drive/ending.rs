@@ -19,7 +19,7 @@ pub enum Fault {
     #[error("the robot's {0} is not finite")]
     NotFinite(&'static str),
     /// The robot's time stood still.
-    #[error("the robot's time stood at {t} s for {periods} periods")]
+    #[error("the robot's time stood at {t:.3} s for {periods} periods")]
     Stale {
         /// Where it stood \[s\].
         t: f64,
@@ -52,14 +52,14 @@ pub enum Fault {
     },
     /// The state jumps.
     #[error(
-        "state discontinuity at t = {t} s: a joint cannot have moved so far since the state before"
+        "state discontinuity at t = {t:.3} s: a joint cannot have moved so far since the state before"
     )]
     Impossible {
         /// When \[s\].
         t: f64,
     },
     /// The arm is thrown.
-    #[error("a joint was faster than twice its speed limit at t = {t} s; the arm was braked")]
+    #[error("a joint was faster than twice its speed limit at t = {t:.3} s; the arm was braked")]
     TooFast {
         /// When \[s\].
         t: f64,
