@@ -191,9 +191,12 @@ impl Fault {
                 PerceptionError::NotThere { .. } => Status::NoCamera,
                 PerceptionError::NotLater { .. } => Status::NotLater,
                 PerceptionError::NoState { .. } => Status::NotObserved,
-                PerceptionError::Size { .. } | PerceptionError::State { .. } => Status::Length,
+                PerceptionError::Size { .. }
+                | PerceptionError::State { .. }
+                | PerceptionError::Joints { .. } => Status::Length,
                 PerceptionError::NoCamera
                 | PerceptionError::Camera { .. }
+                | PerceptionError::Known { .. }
                 | PerceptionError::Setting { .. } => Status::Document,
             },
             Self::Busy(_) => Status::Busy,

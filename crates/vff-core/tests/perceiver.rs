@@ -1,6 +1,8 @@
 //! The perceiver before pictures that a ray caster of this file takes, which shares no code with the core: what is followed, what
 //! of an arm is left, what is remembered, and what is refused.
 
+mod hard_scenes;
+
 use std::sync::Arc;
 use vff_core::geometry::Shape;
 use vff_core::math::Vector;
@@ -562,12 +564,7 @@ fn what_is_hidden_goes_on_for_a_while() {
 fn a_ball_has_another_side() {
     let lowest = |hidden: f64, radius: f64| {
         let eye = camera(2);
-        let settings = PerceiverSettings {
-            stride: 1,
-            most_voxels: 20_000,
-            hidden,
-            ..PerceiverSettings::default()
-        };
+        let settings = PerceiverSettings { stride: 1, hidden, ..PerceiverSettings::default() };
         let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
         let thing = ball([0.4, 0.1, 0.5], radius);
         show(&mut perceiver, &eye, 0.0, &[thing]);

@@ -172,6 +172,14 @@ impl Camera {
         self.model.focal[0].max(self.model.focal[1])
     }
 
+    /// How many of the pixels that are looked at, every so manieth in rows and columns, a square of this side \[m\] at a place covers.
+    #[expect(clippy::cast_precision_loss, reason = "a count of pixels")]
+    pub(super) fn pixels_of(&self, place: &Vector<3>, side: f64, stride: usize) -> f64 {
+        let depth = self.rotation.column(2).dot(&(place - self.origin));
+        let [across, down] = self.model.focal.map(|focal| focal * side / (depth * stride as f64));
+        across * down
+    }
+
     /// Where the lens puts what is seen at (x, y, 1), before the focal length.
     fn distorted(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2, k3] = self.model.distortion;

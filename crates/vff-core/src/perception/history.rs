@@ -1,6 +1,9 @@
 //! Where the arm was when a picture was taken: its last states, and what lies between them.
 
 use super::PerceptionError;
+use crate::robot::SpatialArm;
+use crate::robot::description::JointKind;
+use std::f64::consts::TAU;
 
 /// States that are kept: a quarter of a second at 1 kHz, and more.
 const KEPT: usize = 512;
@@ -9,6 +12,8 @@ const KEPT: usize = 512;
 #[derive(Debug, Clone)]
 pub(super) struct History {
     n: usize,
+    /// Joints that turn without an end, whose angles may begin anew after a turn.
+    is_endless: Vec<bool>,
     /// Instants \[s\], and n angles and n velocities each, in a ring.
     times: Vec<f64>,
     states: Vec<f64>,
@@ -17,9 +22,19 @@ pub(super) struct History {
 }
 
 impl History {
-    /// Of n joints, without a state as yet.
-    pub(super) fn new(n: usize) -> Self {
-        Self { n, times: vec![], states: vec![], next: 0 }
+    /// Of joints that turn without an end or do not, without a state as yet.
+    pub(super) fn new(is_endless: Vec<bool>) -> Self {
+        Self { n: is_endless.len(), is_endless, times: vec![], states: vec![], next: 0 }
+    }
+
+    /// The same of the joints of an arm.
+    pub(super) fn of(arm: &SpatialArm) -> Self {
+        Self::new(endless(arm))
+    }
+
+    /// Goes on with another arm of as many joints.
+    pub(super) fn set_arm(&mut self, arm: &SpatialArm) {
+        self.is_endless = endless(arm);
     }
 
     /// Forgets all.
@@ -61,10 +76,16 @@ impl History {
 
     /// Angles and velocities at time `t` \[s\] (T182): between two states the cubic that has both at both. Returns for how long
     /// there was none \[s\], which is 0 there: before the first and after the last it goes on at constant velocity. None if no
-    /// state is known at all.
-    pub(super) fn at(&self, t: f64, q: &mut [f64], dq: &mut [f64]) -> Option<f64> {
+    /// state is known `within` that time \[s\]: what the arm did in a gap nobody knows.
+    pub(super) fn at(&self, t: f64, within: f64, q: &mut [f64], dq: &mut [f64]) -> Option<f64> {
         let after = self.places().find(|place| self.times[*place] >= t);
         let before = self.places().rev().find(|place| self.times[*place] <= t);
+        let off = |place: &usize| (t - self.times[*place]).abs();
+        let nearest = before.iter().chain(&after).map(off).fold(f64::INFINITY, f64::min);
+        // Not more exactly than times can be written.
+        if nearest > within + 1e-9 {
+            return None;
+        }
         let (from, to) = match (before, after) {
             (None, None) => return None,
             (Some(from), Some(to)) if from != to => (from, to),
@@ -82,7 +103,10 @@ impl History {
         let h = self.times[to] - self.times[from];
         let s = (t - self.times[from]) / h;
         for i in 0..self.n {
-            let (way, a, b) = (q1[i] - q0[i], dq0[i] * h, dq1[i] * h);
+            let (mut way, a, b) = (q1[i] - q0[i], dq0[i] * h, dq1[i] * h);
+            if self.is_endless[i] {
+                way -= TAU * (way / TAU).round();
+            }
             let [second, third] = [3.0 * way - 2.0 * a - b, a + b - 2.0 * way];
             q[i] = q0[i] + s * (a + s * (second + s * third));
             dq[i] = (a + s * (2.0 * second + 3.0 * s * third)) / h;
@@ -91,17 +115,28 @@ impl History {
     }
 }
 
+/// Whether each joint of an arm turns without an end.
+fn endless(arm: &SpatialArm) -> Vec<bool> {
+    let is_free = |i: usize| {
+        let range = arm.limits().joint.get(i);
+        range.is_none_or(|range| range.iter().all(|end| end.is_infinite()))
+    };
+    let turns = arm.description().joints.iter().map(|joint| joint.kind != JointKind::Prismatic);
+    turns.enumerate().map(|(i, turns)| turns && is_free(i)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     /// A cubic in time is met exactly between states, older ones are forgotten, and outside it goes on.
     #[test]
     fn between_states_is_a_cubic() {
         let q = |t: f64| 0.3 + t * (0.5 + t * (-0.7 + 0.2 * t));
         let dq = |t: f64| 0.5 + t * (-1.4 + 0.6 * t);
-        let mut history = History::new(1);
-        assert!(history.at(0.0, &mut [0.0], &mut [0.0]).is_none());
+        let mut history = History::new(vec![false]);
+        assert!(history.at(0.0, 1.0, &mut [0.0], &mut [0.0]).is_none());
         let last = 0.01 * (KEPT + 99) as f64;
         for k in 0..KEPT + 100 {
             let t = 0.01 * k as f64;
@@ -109,14 +144,38 @@ mod tests {
         }
         let (mut angle, mut velocity) = ([0.0], [0.0]);
         for t in [last - 0.003, last - 1.2345, last - 4.0, last] {
-            assert_eq!(history.at(t, &mut angle, &mut velocity), Some(0.0));
+            assert_eq!(history.at(t, 5e-3, &mut angle, &mut velocity), Some(0.0));
             assert!((angle[0] - q(t)).abs() < 1e-9 && (velocity[0] - dq(t)).abs() < 1e-7, "{t}");
         }
-        let missing = history.at(last + 0.2, &mut angle, &mut velocity).unwrap();
+        let missing = history.at(last + 0.2, 1.0, &mut angle, &mut velocity).unwrap();
         assert!((missing - 0.2).abs() < 1e-12);
         assert!((angle[0] - q(last) - 0.2 * dq(last)).abs() < 1e-9);
-        let missing = history.at(0.5, &mut angle, &mut velocity).unwrap();
+        let missing = history.at(0.5, 1.0, &mut angle, &mut velocity).unwrap();
         assert!((missing - 0.5).abs() < 1e-9, "the first 100 are forgotten: {missing}");
         assert!(history.add(last, &[0.0], &[0.0]).is_err());
+    }
+
+    /// What the arm did where states are missing is not made up, and beyond the last it is known as long as is said.
+    #[test]
+    fn a_gap_is_not_bridged() {
+        let mut history = History::new(vec![false]);
+        history.add(0.0, &[0.0], &[0.0]).unwrap();
+        history.add(2.0, &[1.0], &[0.0]).unwrap();
+        let at = |t: f64| history.at(t, 0.05, &mut [0.0], &mut [0.0]);
+        assert_eq!([0.0, 0.04, 1.96, 2.0].map(&at), [Some(0.0); 4]);
+        assert_eq!([0.06, 1.0, 1.9, 2.06].map(&at), [None; 4]);
+    }
+
+    /// An angle that begins anew at half a turn has gone the short way; one that has an end has not.
+    #[test]
+    fn an_endless_joint_goes_the_short_way() {
+        let mut history = History::new(vec![true, false]);
+        let (before, after) = (PI - 0.005, 0.005 - PI);
+        history.add(0.0, &[before; 2], &[1.0; 2]).unwrap();
+        history.add(0.01, &[after; 2], &[1.0; 2]).unwrap();
+        let (mut q, mut dq) = ([0.0; 2], [0.0; 2]);
+        assert_eq!(history.at(5e-3, 0.05, &mut q, &mut dq), Some(0.0));
+        assert!((q[0] - PI).abs() < 1e-9 && (dq[0] - 1.0).abs() < 1e-9, "{q:?} {dq:?}");
+        assert!(q[1].abs() < 1e-9 && dq[1].abs() > 100.0, "{q:?} {dq:?}");
     }
 }

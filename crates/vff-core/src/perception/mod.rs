@@ -66,6 +66,22 @@ pub enum PerceptionError {
         /// What is wrong with it.
         problem: String,
     },
+    /// Something that is known is of no use.
+    #[error("known[{number}]: {problem}")]
+    Known {
+        /// Which one.
+        number: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// Another arm has another number of joints.
+    #[error("arm: expected one with {expected} joints, got {given}")]
+    Joints {
+        /// How many the first one has.
+        expected: usize,
+        /// How many this one has.
+        given: usize,
+    },
     /// There is no such camera.
     #[error("camera: there is no camera {given}, there are {count}")]
     NotThere {
@@ -176,10 +192,11 @@ impl Perceiver {
     /// Around an arm, of these cameras, in a room that the settings say.
     ///
     /// # Arguments
-    /// * `known`: what stands around and is known, which the cloud does not repeat: it is taken at t = 0.
+    /// * `known`: what stands around and is known, which the cloud does not repeat.
     ///
     /// # Errors
-    /// If there is no camera, one is unusable, or a setting is out of its range. Nothing large is allocated before.
+    /// If there is no camera, one is unusable, a setting is out of its range, the arm does not reach into the room, or something that
+    /// is known moves. Nothing large is allocated before.
     #[expect(clippy::needless_pass_by_value, reason = "as all that it is made of")]
     pub fn new(
         arm: &Arc<SpatialArm>,
@@ -188,6 +205,16 @@ impl Perceiver {
         known: Vec<Obstacle>,
     ) -> Result<Self, PerceptionError> {
         let counts = settings.check()?;
+        settings.check_reach(arm)?;
+        for (number, obstacle) in known.iter().enumerate() {
+            let turns = obstacle.angular_velocity.iter().any(|rate| *rate != 0.0);
+            if turns || !obstacle.motion.is_static() {
+                let problem = "moves, and what is known is left out of the cloud where it stood at first: leave \
+                               it out here, so that it is seen"
+                    .into();
+                return Err(PerceptionError::Known { number, problem });
+            }
+        }
         if cameras.is_empty() {
             return Err(PerceptionError::NoCamera);
         }
@@ -222,7 +249,7 @@ impl Perceiver {
             last: vec![None; cameras.len()],
             cameras,
             settings,
-            history: History::new(n),
+            history: History::of(arm),
             map,
             tracks: Tracks::default(),
             q: vec![0.0; n],
@@ -230,8 +257,37 @@ impl Perceiver {
         })
     }
 
-    /// Begins anew, without a state, a picture or a point.
-    pub(crate) fn forget(&mut self) {
+    /// Goes on around another arm, such as the same one with what it has taken up: that is cut away from the next picture on. What is
+    /// remembered of states and of the cloud stays.
+    ///
+    /// # Errors
+    /// If it has another number of joints.
+    ///
+    /// # Example
+    /// ```
+    /// use std::sync::Arc;
+    /// use vff_core::perception::{DepthCamera, Perceiver, PerceiverSettings};
+    /// use vff_core::robot::models;
+    ///
+    /// let [panda, other] = ["panda", "ur5e"].map(|it| Arc::new(models::named(it).unwrap().build().unwrap()));
+    /// let camera: DepthCamera =
+    ///     toml::from_str("columns = 3\nrows = 1\nfocal = [2.0, 2.0]\ncentre = [1.0, 0.0]").unwrap();
+    /// let mut perceiver =
+    ///     Perceiver::new(&panda, vec![camera], PerceiverSettings::default(), vec![]).unwrap();
+    /// assert!(perceiver.set_arm(&panda).is_ok() && perceiver.set_arm(&other).is_err());
+    /// ```
+    pub fn set_arm(&mut self, arm: &Arc<SpatialArm>) -> Result<(), PerceptionError> {
+        let (expected, given) = (self.q.len(), arm.dof());
+        if given != expected {
+            return Err(PerceptionError::Joints { expected, given });
+        }
+        self.robot = Model::state(arm);
+        self.history.set_arm(arm);
+        Ok(())
+    }
+
+    /// Begins anew, without a state, a picture or a point: times may begin anew, too.
+    pub fn forget(&mut self) {
         self.last.fill(None);
         self.history.forget();
         self.map.forget();
@@ -264,7 +320,7 @@ impl Perceiver {
         depth: Depth<'_>,
     ) -> Result<Counts, PerceptionError> {
         self.of_picture(camera, &depth)?;
-        self.take(camera, t, depth, self.settings.stride)
+        self.take(camera, t, depth, Some(self.settings.stride))
     }
 
     /// The points of a picture \[m\] in the frame of its camera, of the pixels that [`see`](Self::see) looks at. Changes nothing.
@@ -334,16 +390,17 @@ impl Perceiver {
         let eye = self.eye(camera)?;
         interrupt::checkpoint(64 * points.len());
         let picture = eye.picture(points);
-        self.take(camera, t, Depth::Metres(&picture), 1)
+        self.take(camera, t, Depth::Metres(&picture), None)
     }
 
-    /// Takes in a picture of a camera that is there, of which every so manieth pixel is looked at.
+    /// Takes in a picture of a camera that is there, of which every so manieth pixel is looked at: all of them without a number, where
+    /// nobody knows how many of them there could be.
     fn take(
         &mut self,
         camera: usize,
         t: f64,
         depth: Depth<'_>,
-        stride: usize,
+        stride: Option<usize>,
     ) -> Result<Counts, PerceptionError> {
         let eye = &self.cameras[camera];
         let t = t + self.settings.time_offset;
@@ -352,21 +409,27 @@ impl Perceiver {
             return Err(PerceptionError::NotLater { given: t, last });
         }
         let within = self.settings.latest_state;
-        let missing = self.history.at(t, &mut self.q, &mut self.dq);
-        let Some(missing) = missing.filter(|missing| *missing <= within) else {
+        let Some(missing) = self.history.at(t, within, &mut self.q, &mut self.dq) else {
             return Err(PerceptionError::NoState { given: t, within });
         };
         self.last[camera] = Some(t);
         self.robot.update(&self.q, &self.dq);
         let uncertainty = self.settings.time_error + missing;
         let filter = SelfFilter::new(&self.robot, self.settings.margin, uncertainty);
-        let mut counts = hit(&mut self.map, eye, &filter, &depth, stride, self.settings.range);
+        let (every, range) = (stride.unwrap_or(1), self.settings.range);
+        let mut counts = hit(&mut self.map, eye, &filter, &depth, every, range);
         counts.left_out = self.map.left_out;
         let look = Look::new(eye, &depth, &filter, &self.map, &self.settings);
         let PerceiverSettings { least_points, memory, .. } = self.settings;
         interrupt::checkpoint(64 * self.map.voxels().len());
-        #[expect(clippy::cast_possible_truncation, reason = "checked to be small")]
-        let least = least_points as u32;
+        #[expect(clippy::cast_precision_loss, reason = "checked to be small")]
+        let most = least_points as f64;
+        let side = self.settings.voxel;
+        // A cell far away is less than so many pixels; half of them are enough of what has slopes and edges.
+        let least = |place: &Vector<3>| match stride {
+            Some(stride) => most.min(0.5 * eye.pixels_of(place, side, stride)),
+            None => most,
+        };
         let half = self.map.half_diagonal();
         let is_cut_away = |place: &Vector<3>| filter.clearance(place, half) < half;
         let is_through = |place: &Vector<3>| look.is_through(place);

@@ -1,6 +1,8 @@
 //! What can be set of a perceiver.
 
 use super::{MAX_CELLS, MAX_POINTS, PerceptionError};
+use crate::math::Vector;
+use crate::robot::SpatialArm;
 use crate::settings::{Numbers, Table, settings};
 
 settings! {
@@ -14,17 +16,17 @@ settings! {
     /// assert_eq!(settings, PerceiverSettings { voxel: 0.03, ..PerceiverSettings::default() });
     /// ```
     pub struct PerceiverSettings {
-        /// Opposite corners of the room that is looked at, the lower ones first; what is outside is not there.
+        /// Opposite corners of the room that is looked at, in the world, the lower ones first; what is outside is not there.
         room: [[f64; 3]; 2] = [[-1.0, -1.0, -0.2], [1.0, 1.0, 1.4]], "m";
         /// The side of a cell.
         voxel: f64 = 0.02, "m", POSITIVE;
         /// Cells that are remembered at most: points of the cloud, up to 50 000, or half as many with `hidden`.
-        most_voxels: usize = 40_000, "", AT_LEAST_ONE;
+        most_voxels: usize = 25_000, "", AT_LEAST_ONE;
         /// Every how manieth row and column of a picture is looked at.
         stride: usize = 2, "", AT_LEAST_ONE;
         /// What is deeper in the picture is not looked at.
         range: f64 = 3.0, "m", POSITIVE;
-        /// A cell is hit by so many points of a picture or more; what is less counts as an outlier.
+        /// A cell is hit by so many points of a picture or more; what is less counts as an outlier. Where a cell is so far away that fewer than twice as many pixels look at it, half of these are enough.
         least_points: usize = 2, "", AT_LEAST_ONE;
         /// How long it is remembered that something was there, where nothing is seen any more.
         memory: f64 = 2.0, "s", NOT_NEGATIVE;
@@ -57,6 +59,20 @@ impl PerceiverSettings {
     /// How many points of the cloud a cell has at most.
     pub fn points_of_a_cell(&self) -> usize {
         if self.hidden > 0.0 { 2 } else { 1 }
+    }
+
+    /// Whether the arm reaches into the room: around another place nothing would ever be seen.
+    pub(super) fn check_reach(&self, arm: &SpatialArm) -> Result<(), PerceptionError> {
+        let [low, high] = self.room.map(Vector::from);
+        let (base, reach) = (arm.base(), arm.reach_bound());
+        if (base - base.sup(&low).inf(&high)).norm() <= reach {
+            return Ok(());
+        }
+        let [x, y, z] = <[f64; 3]>::from(*base);
+        let problem = format!(
+            "is out of reach of the arm, which goes {reach:.2} m around its base at ({x}, {y}, {z})"
+        );
+        Err(PerceptionError::Setting { key: "room", problem })
     }
 
     /// How many cells the room has along each axis.

@@ -16,7 +16,7 @@ const MISS: f64 = -2.0;
 const SURE: f64 = 3.0;
 
 /// How long what is hidden goes on as it was seen to move \[s\]; after that it stands where it has come to.
-const COASTS: f64 = 0.3;
+pub(super) const COASTS: f64 = 0.3;
 
 /// What the arm has to do with a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub(super) struct Voxel {
     /// Of the present picture: whether it was asked for, the points in it, their sum, and what of it is the arm.
     picture: u32,
     pub(super) hits: u32,
-    sum: Vector<3>,
+    pub(super) sum: Vector<3>,
     /// Opposite corners of a box around the points.
     pub(super) corners: [Vector<3>; 2],
     /// Whether more of it may be where the picture or the room ends.
@@ -201,15 +201,16 @@ impl VoxelMap {
         Some(&mut self.voxels[place])
     }
 
-    /// Takes in what the present picture, of a camera at time `t` \[s\], says of all cells: those with so many points or more are hit, of
-    /// the others those are seen through of which `is_seen_through` says so, asked where they have gone on to (T190). What has moved on to
-    /// where this picture shows it, outside of what is cut away as the arm, what is not taken any more, and what was hit last longer ago than `memory` \[s\], is forgotten.
+    /// Takes in what the present picture, of a camera at time `t` \[s\], says of all cells: those with so many points or more as
+    /// `least` says of their place are hit, of the others those are seen through of which `is_seen_through` says so, asked where they have
+    /// gone on to (T190). What has moved on to where this picture shows it, outside of what is cut away as the arm, what is not taken any
+    /// more, and what was hit last longer ago than `memory` \[s\], is forgotten.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     pub(super) fn finish(
         &mut self,
         camera: usize,
         t: f64,
-        least: u32,
+        least: impl Fn(&Vector<3>) -> f64,
         memory: f64,
         is_seen_through: impl Fn(&Vector<3>) -> bool,
         is_cut_away: impl Fn(&Vector<3>) -> bool,
@@ -221,19 +222,22 @@ impl VoxelMap {
             let expected = if is_moving { voxel.at(t) } else { self.middle(voxel.cell) };
             let has_moved_on = is_moving
                 && voxel.camera == camera
-                && self.is_hit_around(&expected, least)
+                && self.is_hit_around(&expected, &least)
                 && !is_cut_away(&expected);
             let voxel = &mut self.voxels[place];
             voxel.cluster = NONE;
             if voxel.picture != self.picture {
                 voxel.hits = 0;
             }
-            if voxel.hits >= least {
+            if voxel.is_hit(&least) {
                 voxel.odds = (voxel.odds + HIT).min(SURE);
-                voxel.point = voxel.sum / f64::from(voxel.hits);
                 voxel.since = voxel.since.min(t);
-                voxel.last = voxel.last.max(t);
-                voxel.camera = camera;
+                // Of a picture that comes late another camera has seen where it is by now.
+                if t >= voxel.last {
+                    voxel.point = voxel.sum / f64::from(voxel.hits);
+                    voxel.last = t;
+                    voxel.camera = camera;
+                }
             } else {
                 voxel.hits = 0;
                 if has_moved_on {
@@ -255,11 +259,11 @@ impl VoxelMap {
     }
 
     /// Whether the present picture has so many points in the cell of a point, or in one of the six beside it.
-    fn is_hit_around(&self, point: &Vector<3>, least: u32) -> bool {
+    fn is_hit_around(&self, point: &Vector<3>, least: &impl Fn(&Vector<3>) -> f64) -> bool {
         let is_hit = |offset: Vector<3>| {
             let cell = self.cell_of(&(point + offset * self.side));
             let voxel = cell.and_then(|cell| self.voxels.get(self.places[cell] as usize));
-            voxel.is_some_and(|voxel| voxel.picture == self.picture && voxel.hits >= least)
+            voxel.is_some_and(|voxel| voxel.picture == self.picture && voxel.is_hit(least))
         };
         let mut around = (0..3).flat_map(|axis| {
             [-1.0, 1.0].map(|side| Vector::<3>::from_fn(|k, _| if k == axis { side } else { 0.0 }))
@@ -287,6 +291,12 @@ impl VoxelMap {
 }
 
 impl Voxel {
+    /// Whether the present picture has as many points in it as are asked for where they are.
+    fn is_hit(&self, least: &impl Fn(&Vector<3>) -> f64) -> bool {
+        let hits = f64::from(self.hits);
+        self.hits > 0 && hits >= least(&(self.sum / hits))
+    }
+
     /// Where the points in it have gone on to at time `t` \[s\].
     pub(super) fn at(&self, t: f64) -> Vector<3> {
         self.point + self.velocity * (t - self.last).min(COASTS)

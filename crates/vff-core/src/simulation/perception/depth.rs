@@ -48,6 +48,8 @@ pub(super) struct DepthCameras {
     every: usize,
     late: usize,
     observed: usize,
+    /// How far back of its arrival a picture may be put \[s\].
+    longest: f64,
     /// The last pictures of all cameras, one row a time, as a ring.
     pictures: Vec<f32>,
     rows: usize,
@@ -101,6 +103,8 @@ impl DepthCameras {
         }
         let pixels: usize = eyes.iter().map(Eye::pixels).sum();
         let rows = late / every + 2;
+        let back = settings.clock_error - settings.perceiver.time_offset.min(0.0);
+        let longest = dt * (late + every) as f64 + back;
         let most = settings.points_of(0, 3);
         let cloud = Obstacle {
             shape: Shape::Points { points: vec![], radius: perceiver.radius() },
@@ -120,7 +124,8 @@ impl DepthCameras {
             dt,
             every,
             late,
-            observed: 1 + (late + every) / STATES,
+            observed: 1 + (longest / (dt * STATES as f64)) as usize,
+            longest,
             pictures: vec![0.0; rows * pixels],
             rows,
             hits: vec![],
@@ -155,10 +160,11 @@ impl DepthCameras {
     pub(super) fn start(&mut self, robot: &SpatialState, world: &World) {
         (self.step, self.is_new, self.is_pending) = (0, false, false);
         self.perceiver.forget();
-        let longest = self.dt * (self.late + self.every) as f64 + 1.0;
+        let longest = self.longest + 1.0;
         let rest = vec![0.0; robot.dof()];
-        // Neither is refused, as nothing was told before.
-        for before in [-longest, -self.dt] {
+        // None is refused, as nothing was told before. So many that one is near the time of every picture.
+        let long_before = (1..=STATES).rev().map(|k| -longest * k as f64 / STATES as f64);
+        for before in long_before.filter(|t| *t < -self.dt).chain([-self.dt]) {
             _ = self.perceiver.observe(before, robot.configuration(), &rest);
         }
         self.observe(robot);
