@@ -110,6 +110,15 @@ def test_a_margin_within_what_is_cut_away_is_told_of() -> None:
         ({"perception.orientation_error": -0.1}, r"orientation_error: must be in \[0, π\]"),
         ({"perception.position_error": -0.1}, "position_error: must be 0 or more"),
         ({"perception.clock_error": 0.2}, r"clock_error: must be at most latency \+ perceiver.latest_state"),
+        (
+            {"perception.perceiver.time_offset": 0.15},
+            r"perceiver.time_offset: must be in \[-10, latency \+ perceiver.latest_state − clock_error\]",
+        ),
+        ({"perception.perceiver.time_offset": -11.0}, "perceiver.time_offset: must be in"),
+        (
+            {"perception.perceiver.room": [[3.0, -1.0, 0.0], [5.0, 1.0, 1.0]]},
+            "perceiver.room: is out of reach of the arm",
+        ),
         ({"perception.perceiver.voxel": 0.0}, "perceiver.voxel: must be greater than 0"),
         ({"perception.perceiver.voxel": 1e-4}, "perceiver.room: has .* cells"),
         ({"perception.perceiver.voxels": 1.0}, "voxels"),

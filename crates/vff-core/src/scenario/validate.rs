@@ -242,9 +242,9 @@ pub fn perception(
 
 /// What of `[perception]` is of pictures alone.
 fn depths(settings: &PerceptionSettings) -> Validated {
-    let PerceptionSettings { grazing, orientation_error, clock_error, .. } = *settings;
-    let sizes = [("position_error", settings.position_error), ("clock_error", clock_error)];
-    for (path, given) in sizes {
+    let PerceptionSettings { grazing, position_error, orientation_error, clock_error, .. } =
+        *settings;
+    for (path, given) in [("position_error", position_error), ("clock_error", clock_error)] {
         number(path, given, &NOT_NEGATIVE)?;
     }
     if !(0.0..FRAC_PI_2).contains(&grazing) {
@@ -259,7 +259,7 @@ fn depths(settings: &PerceptionSettings) -> Validated {
     }
     if settings.kind != PerceptionKind::Depth {
         let keys = ["grazing", "position_error", "orientation_error", "clock_error"];
-        let given = [grazing, settings.position_error, orientation_error, clock_error];
+        let given = [grazing, position_error, orientation_error, clock_error];
         let stray = keys.into_iter().zip(given.map(|given| given != 0.0));
         let perceiver = settings.perceiver != PerceiverSettings::default();
         let mut stray = stray.chain([("perceiver", perceiver)]);
@@ -270,10 +270,15 @@ fn depths(settings: &PerceptionSettings) -> Validated {
         return Ok(());
     }
     // Otherwise no picture could be put to a state of the arm.
-    let late = clock_error - settings.latency;
-    if late > settings.perceiver.latest_state {
+    let PerceiverSettings { latest_state, time_offset, .. } = settings.perceiver;
+    let latest = settings.latency + latest_state - clock_error;
+    if latest < 0.0 {
         let requirement = "at most latency + perceiver.latest_state";
         return Err(ScenarioError::out_of_range("clock_error", requirement, clock_error));
+    }
+    if !(-10.0..=latest).contains(&time_offset) {
+        let requirement = "in [-10, latency + perceiver.latest_state − clock_error]";
+        return Err(ScenarioError::out_of_range("perceiver.time_offset", requirement, time_offset));
     }
     Ok(())
 }
