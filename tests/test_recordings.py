@@ -445,8 +445,9 @@ def test_bad_options(watched: Path, tmp_path: Path) -> None:
     cameras = tmp_path / "c.toml"
     cameras.write_text('["/left/depth/image"]\nlens = 3\n', encoding="utf-8")
     assert "did you mean 'panda'?" in command(watched, "--arm", "pandda", code=2, errors=True)
-    coarse = command(watched, "--arm", "panda", "--set", "least_points=50", errors=True)
-    assert "pixels are not the arm's, and no point is left of them" in coarse
+    elsewhere = "room=[[-0.1, -0.1, 1.2], [0.1, 0.1, 1.3]]"
+    empty = command(watched, "--arm", "panda", "--set", elsewhere, errors=True)
+    assert "pixels are not the arm's, and no point is left of them" in empty
     assert "lens: unknown, expected columns" in command(
         watched, "--arm", "panda", "--cameras", cameras, code=2, errors=True
     )

@@ -721,7 +721,8 @@ class Controller:
         Raises
         ------
         vffnull.errors.InputError
-            If no loop has begun, an array has the wrong shape, or a reference is not finite.
+            If no loop has begun, an array has the wrong shape, a reference is not finite, or the robot is not
+            where the reference of the scenario begins; then nothing is to be sent.
 
         Examples
         --------
@@ -1130,7 +1131,7 @@ class Perceiver:
     One call for each picture, beside the control cycle, in a thread of its own. What a picture shows of the
     arm is cut away, what is left is remembered in cells of a grid until it is seen through or its time is
     up, and cells that hang together are followed, so that each point has a velocity
-    (docs/theory-spatial.md, T181 to T184).
+    (docs/theory-spatial.md, T181 to T184, T197).
 
     Parameters
     ----------
@@ -1141,24 +1142,25 @@ class Perceiver:
         the order of OpenCV, none by default, ``position`` (3,) [m] and ``orientation`` (4,): a quaternion
         [w, x, y, z] of its frame in the world, z forward, x to the right of the picture, y down.
     settings : dict, optional
-        ``room``: opposite corners of what is looked at (2, 3) [m], from (-1, -1, -0.2) to (1, 1, 1.4);
-        ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 40000 of them are remembered at most;
-        ``stride``: every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in
-        a cell or more count; ``memory``: for 2 s what is hidden is remembered; ``margin``: 0.02 m around
-        the arm are cut away, and as much more as it moves in ``time_error``, 0.02 s; ``time_offset``: 0 s
-        are added to times of pictures; ``latest_state``: one of the arm is known within 0.05 s;
-        ``depth_error``: 0.005 m at 1 m; ``hidden``, 0 m: bodies up to this wide are taken for as deep as
-        they are wide, and have points on the side that is not seen; ``known_margin``: 0.02 m around what
-        is known are left out; ``settling``: what is in its place for 1 s counts as standing;
-        ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m: standard deviations of
-        bodies that are followed. The numbers are the defaults.
+        ``room``: opposite corners of what is looked at, in the world (2, 3) [m], from (-1, -1, -0.2) to (1,
+        1, 1.4); ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 25000 of them are remembered at most;
+        ``stride``: every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in a
+        cell or more count, or half of the pixels that look at one that is far away; ``memory``: for 2 s what
+        is hidden is remembered; ``margin``: 0.02 m around the arm are cut away, and as much more as it moves
+        in ``time_error``, 0.02 s; ``time_offset``: 0 s are added to times of pictures; ``latest_state``: one
+        of the arm is known within 0.05 s; ``depth_error``: 0.005 m at 1 m; ``hidden``, 0 m: bodies up to this
+        wide are taken for as deep as they are wide, and have points on the side that is not seen;
+        ``known_margin``: 0.02 m around what is known are left out; ``settling``: what is in its place for 1 s
+        counts as standing; ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m:
+        standard deviations of bodies that are followed. The numbers are the defaults.
     known : sequence of Obstacle or dict, optional
-        What stands around and the controller knows of: it is not seen again.
+        What stands around and the controller knows of: it is not seen again. What moves is refused.
 
     Raises
     ------
     vffnull.errors.InputError
-        If a camera or a setting is of no use, or the arm is in the plane.
+        If a camera or a setting is of no use, the arm is in the plane or does not reach into the room, or
+        something that is known moves.
 
     Examples
     --------
@@ -1197,14 +1199,49 @@ class Perceiver:
         vffnull.errors.InputError
             If the time is not later than the last, or an array has the wrong shape or is not finite.
         """
+    def set_arm(self, arm: Arm) -> None:
+        """Go on around another arm: the same one with the load that it has taken up, or with another tool.
+
+        What is seen of it is cut away from the next picture on. States and cloud stay as they are.
+
+        Parameters
+        ----------
+        arm : Arm
+            An arm in space with as many joints.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it is in the plane, or has another number of joints.
+
+        Examples
+        --------
+        >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+        ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+        >>> panda = Arm.named("panda")
+        >>> perceiver = Perceiver(panda, [camera])
+        >>> perceiver.set_arm(panda.with_load(0.7, com=[0.0, 0.0, 0.05]))
+        """
+    def forget(self) -> None:
+        """Begin anew, without a state, a picture or a point, as where a clock begins anew.
+
+        Examples
+        --------
+        >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+        ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+        >>> perceiver = Perceiver(Arm.named("panda"), [camera])
+        >>> perceiver.observe(5.0, [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7)
+        >>> perceiver.forget()
+        >>> perceiver.observe(0.0, [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7)
+        """
     def see(self, depth: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
         """Take in a picture, with the GIL released.
 
         Parameters
         ----------
         depth : (rows, columns) array_like
-            Depths along the optical axis: uint16 are millimetres, all else metres. What is 0 or no positive
-            number was not measured.
+            Depths along the optical axis: uint16 are millimetres, in either byte order, and floats metres.
+            What is 0 or no positive number was not measured.
         t : float
             When it was taken [s]; with ``time_offset`` added, on the clock of the states.
         camera : int, optional
@@ -1221,6 +1258,8 @@ class Perceiver:
         vffnull.errors.InputError
             If there is no such camera, the picture has another shape or is not later than its last one, or no
             state of the arm is near its time. Nothing has changed then.
+        vffnull.errors.InputTypeError
+            If it has whole numbers that are not uint16, whose unit nobody knows, or is masked.
         """
     def deproject(self, depth: ArrayLike, camera: int = 0) -> _Array:
         """The points of a picture in the frame of its camera, of the pixels that `see` looks at.
@@ -1244,6 +1283,8 @@ class Perceiver:
         """
     def see_points(self, cloud: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
         """Take in a cloud of points that a camera saw, as far as they are in its picture.
+
+        As dense as it was measured: of a cloud that was thinned, hardly a cell has ``least_points``.
 
         Parameters
         ----------
@@ -1271,6 +1312,23 @@ class Perceiver:
     def velocities(self) -> _Array:
         """At which velocities the points go on, (k, 3) [m/s]."""
     @property
+    def cloud(self) -> tuple[_Array, _Array, float | None]:
+        """All of this at once for `Controller.update_points`: points (k, 3) [m], velocities (k, 3) [m/s] and
+        the time [s] at which they were there, None before the first picture.
+
+        Read one by one, `points`, `velocities` and `t` may be of different pictures where another thread
+        takes them in.
+
+        Examples
+        --------
+        >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+        ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+        >>> perceiver = Perceiver(Arm.named("panda"), [camera])
+        >>> points, velocities, t = perceiver.cloud
+        >>> points.shape, velocities.shape, t
+        ((0, 3), (0, 3), None)
+        """
+    @property
     def t(self) -> float | None:
         """When the last picture was taken [s], on the clock of the states; None before the first."""
     @property
@@ -1280,9 +1338,9 @@ class Perceiver:
     def tracks(self) -> list[dict[str, Any]]:
         """The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it,
         ``position`` [m] and ``velocity`` [m/s] at time ``t`` [s], ``covariance`` of place and velocity
-        (2, 2), the same for each coordinate, in how many pictures it was ``seen``, whether it ``moves`` for
-        certain, and whether it goes on where the picture or the room ends, ``cut``: its velocity is then
-        that of its sides.
+        (2, 2), the same for each coordinate, ``angular_velocity`` [rad/s] of what is long and turns for
+        certain, in how many pictures it was ``seen``, whether it ``moves`` for certain, and whether it goes
+        on where the picture or the room ends, ``cut``: its velocity is then that of its sides.
         """
 
 @final

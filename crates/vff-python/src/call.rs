@@ -98,6 +98,16 @@ type ReadObstacle = fn(&mut AnyObstacles, &Table) -> Result<(), ScenarioError>;
 
 /// These obstacles in addition to those in `all`, read by `read_one`.
 pub fn read_obstacles(
+    all: AnyObstacles,
+    given: &[Bound<'_, PyAny>],
+    read_one: ReadObstacle,
+) -> PyResult<AnyObstacles> {
+    read_obstacles_of("obstacles", all, given, read_one)
+}
+
+/// The same of what is called otherwise.
+pub fn read_obstacles_of(
+    list: &str,
     mut all: AnyObstacles,
     given: &[Bound<'_, PyAny>],
     read_one: ReadObstacle,
@@ -106,7 +116,7 @@ pub fn read_obstacles(
         if j % 256 == 255 {
             obstacle.py().check_signals()?;
         }
-        let name = format!("obstacles[{j}]");
+        let name = format!("{list}[{j}]");
         read_one(&mut all, &named_document(&name, obstacle)?)
             .map_err(|error| errors::scenario(&error.inside(&name)))?;
     }

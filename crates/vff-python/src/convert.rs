@@ -446,6 +446,30 @@ pub fn any_vector(name: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Ve
     Ok(out)
 }
 
+fn misfit(name: &str, value: &Bound<'_, PyAny>, error: PyErr) -> PyErr {
+    instead(value, error, || wrong_type(&format!("{name}: expected numbers"), value))
+}
+
+/// What NumPy makes an array of, and the kind of what is in it, by NumPy's letter.
+///
+/// # Errors
+/// For masked arrays, whose mask would be dropped without a word, and what is no array.
+pub fn any_array<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyAny>, String)> {
+    load_numpy(value.py())?;
+    let numpy = value.py().import("numpy")?;
+    let given =
+        numpy.call_method1("asanyarray", (value,)).map_err(|error| misfit(name, value, error))?;
+    if !given.is_exact_instance_of::<PyUntypedArray>() && given.getattr_opt("mask")?.is_some() {
+        let sentence = format!("{name}: expected numbers, got a masked array: fill it first");
+        return Err(InputTypeError::new_err(sentence));
+    }
+    let kind = given.getattr("dtype")?.getattr("kind")?.extract()?;
+    Ok((given, kind))
+}
+
 /// A copy of whatever NumPy makes an array of numbers of: in rows, and aligned, wherever they stood before.
 ///
 /// # Errors
@@ -454,23 +478,15 @@ pub fn float_array<'py>(
     name: &str,
     value: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let py = value.py();
-    load_numpy(py)?;
-    let misfit =
-        |error| instead(value, error, || wrong_type(&format!("{name}: expected numbers"), value));
-    let numpy = py.import("numpy")?;
-    let given = numpy.call_method1("asanyarray", (value,)).map_err(misfit)?;
-    if !given.is_exact_instance_of::<PyUntypedArray>() && given.getattr_opt("mask")?.is_some() {
-        let sentence = format!("{name}: expected numbers, got a masked array: fill it first");
-        return Err(InputTypeError::new_err(sentence));
-    }
-    let kind: String = given.getattr("dtype")?.getattr("kind")?.extract()?;
+    let (given, kind) = any_array(name, value)?;
+    let misfit = |error| misfit(name, value, error);
+    let numpy = value.py().import("numpy")?;
     if !"fiubO".contains(&kind) {
         let dtype: String = given.getattr("dtype")?.str()?.extract()?;
         let sentence = format!("{name}: expected numbers, got an array of {}", cut(&dtype));
         return Err(InputTypeError::new_err(sentence));
     }
-    let keywords = PyDict::new(py);
+    let keywords = PyDict::new(value.py());
     keywords.set_item("dtype", "float64")?;
     keywords.set_item("order", "C")?;
     let copy = numpy.call_method("array", (given,), Some(&keywords)).map_err(misfit)?;

@@ -1,26 +1,28 @@
 //! `Perceiver`: from pictures of depth cameras to a cloud of points that move.
 
 use crate::arm::Arm;
-use crate::call::{finite_time, read_obstacles, sequence};
+use crate::call::{finite_time, read_obstacles_of, sequence};
 use crate::convert::{
-    any_vector, array2, count, float_array, misshapen, number, points, read_matrix, read_vector,
-    wrong_type,
+    any_array, any_vector, array2, count, float_array, misshapen, number, points, read_matrix,
+    read_vector, wrong_type,
 };
-use crate::errors::InputError;
+use crate::errors::{InputError, InputTypeError};
 use crate::exclusive::Exclusive;
 use crate::loading::load_numpy;
 use crate::watch::{attended, interruptible};
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use vff_core::math::Vector;
+use std::sync::Arc;
 use vff_core::perception::{
     Counts, Depth, DepthCamera, Perceiver as Core, PerceiverSettings, PerceptionError,
 };
+use vff_core::robot::SpatialArm;
 use vff_core::runtime::{AnyArm, AnyObstacles};
 use vff_core::settings::Table;
 
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
+type Cloud<'py> = (Array2<'py>, Array2<'py>, Option<f64>);
 
 fn fault(error: &PerceptionError) -> PyErr {
     InputError::new_err(error.to_string())
@@ -31,7 +33,7 @@ fn fault(error: &PerceptionError) -> PyErr {
 /// One call for each picture, beside the control cycle, in a thread of its own. What a picture shows of the
 /// arm is cut away, what is left is remembered in cells of a grid until it is seen through or its time is
 /// up, and cells that hang together are followed, so that each point has a velocity
-/// (docs/theory-spatial.md, T181 to T184).
+/// (docs/theory-spatial.md, T181 to T184, T197).
 ///
 /// Parameters
 /// ----------
@@ -42,24 +44,25 @@ fn fault(error: &PerceptionError) -> PyErr {
 ///     the order of OpenCV, none by default, ``position`` (3,) [m] and ``orientation`` (4,): a quaternion
 ///     [w, x, y, z] of its frame in the world, z forward, x to the right of the picture, y down.
 /// settings : dict, optional
-///     ``room``: opposite corners of what is looked at (2, 3) [m], from (-1, -1, -0.2) to (1, 1, 1.4);
-///     ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 40000 of them are remembered at most;
-///     ``stride``: every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in
-///     a cell or more count; ``memory``: for 2 s what is hidden is remembered; ``margin``: 0.02 m around
-///     the arm are cut away, and as much more as it moves in ``time_error``, 0.02 s; ``time_offset``: 0 s
-///     are added to times of pictures; ``latest_state``: one of the arm is known within 0.05 s;
-///     ``depth_error``: 0.005 m at 1 m; ``hidden``, 0 m: bodies up to this wide are taken for as deep as
-///     they are wide, and have points on the side that is not seen; ``known_margin``: 0.02 m around what
-///     is known are left out; ``settling``: what is in its place for 1 s counts as standing;
-///     ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m: standard deviations of
-///     bodies that are followed. The numbers are the defaults.
+///     ``room``: opposite corners of what is looked at, in the world (2, 3) [m], from (-1, -1, -0.2) to (1,
+///     1, 1.4); ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 25000 of them are remembered at most;
+///     ``stride``: every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in a
+///     cell or more count, or half of the pixels that look at one that is far away; ``memory``: for 2 s what
+///     is hidden is remembered; ``margin``: 0.02 m around the arm are cut away, and as much more as it moves
+///     in ``time_error``, 0.02 s; ``time_offset``: 0 s are added to times of pictures; ``latest_state``: one
+///     of the arm is known within 0.05 s; ``depth_error``: 0.005 m at 1 m; ``hidden``, 0 m: bodies up to this
+///     wide are taken for as deep as they are wide, and have points on the side that is not seen;
+///     ``known_margin``: 0.02 m around what is known are left out; ``settling``: what is in its place for 1 s
+///     counts as standing; ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m:
+///     standard deviations of bodies that are followed. The numbers are the defaults.
 /// known : sequence of Obstacle or dict, optional
-///     What stands around and the controller knows of: it is not seen again.
+///     What stands around and the controller knows of: it is not seen again. What moves is refused.
 ///
 /// Raises
 /// ------
 /// vffnull.errors.InputError
-///     If a camera or a setting is of no use, or the arm is in the plane.
+///     If a camera or a setting is of no use, the arm is in the plane or does not reach into the room, or
+///     something that is known moves.
 ///
 /// Examples
 /// --------
@@ -104,14 +107,24 @@ impl Perceiver {
             }
             _ => Ok(()),
         };
-        if let Ok(given) = depth.cast::<PyArrayDyn<u16>>() {
-            check(given.shape())?;
-            let rows = given.call_method1("copy", ("C",))?.cast_into::<PyArrayDyn<u16>>()?;
+        let (given, kind) = any_array("depth", depth)?;
+        if "iu".contains(&kind) {
+            let dtype: String = given.getattr("dtype")?.getattr("name")?.extract()?;
+            if dtype != "uint16" {
+                let sentence = format!(
+                    "depth: expected uint16, which are millimetres, or floats, which are metres, got {dtype}"
+                );
+                return Err(InputTypeError::new_err(sentence));
+            }
+            // A copy in rows, aligned and in the byte order of this machine.
+            let rows =
+                given.call_method1("astype", ("=u2", "C"))?.cast_into::<PyArrayDyn<u16>>()?;
+            check(rows.shape())?;
             let rows = rows.readonly();
             let depths = rows.as_slice()?;
             return self.with(py, |core| work(core, Depth::Millimetres(depths)));
         }
-        let given = float_array("depth", depth)?;
+        let given = float_array("depth", &given)?;
         check(given.shape())?;
         let rows = given.readonly();
         let numbers = rows.as_slice()?;
@@ -122,18 +135,18 @@ impl Perceiver {
         })
     }
 
-    /// A vector of each point of the cloud, (k, 3).
-    fn of_points<'py>(
-        &self,
-        py: Python<'py>,
-        which: impl Fn((Vector<3>, Vector<3>)) -> Vector<3>,
-    ) -> PyResult<Array2<'py>> {
+    /// The points of the cloud and their velocities, (k, 3) each, and the time of it.
+    fn moving<'py>(&self, py: Python<'py>) -> PyResult<Cloud<'py>> {
         let inner = self.inner.take(py)?;
-        let numbers: Vec<f64> =
-            inner.points().flat_map(|point| <[f64; 3]>::from(which(point))).collect();
+        let (points, velocities): (Vec<_>, Vec<_>) = inner
+            .points()
+            .map(|(point, velocity)| (<[f64; 3]>::from(point), <[f64; 3]>::from(velocity)))
+            .unzip();
+        let t = inner.last();
         drop(inner);
-        let rows = numbers.len() / 3;
-        array2(py, numbers, [rows, 3])
+        let shape = [points.len(), 3];
+        let points = array2(py, points.into_flattened(), shape)?;
+        Ok((points, array2(py, velocities.into_flattened(), shape)?, t))
     }
 }
 
@@ -214,6 +227,16 @@ fn read_settings(given: &Bound<'_, PyAny>) -> PyResult<PerceiverSettings> {
     Ok(settings)
 }
 
+/// The arm in space that somebody gives.
+fn in_space(arm: &Bound<'_, PyAny>) -> PyResult<Arc<SpatialArm>> {
+    let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
+    let AnyArm::Space(arm) = &arm.arm else {
+        let sentence = "arm: cameras look at arms in space, and this one is in the plane";
+        return Err(InputError::new_err(sentence));
+    };
+    Ok(Arc::clone(arm))
+}
+
 fn told(py: Python<'_>, counts: Counts) -> PyResult<Bound<'_, PyDict>> {
     let Counts { measured, own, left_out, remembered } = counts;
     let found = PyDict::new(py);
@@ -237,11 +260,7 @@ impl Perceiver {
     ) -> PyResult<Self> {
         let py = arm.py();
         load_numpy(py)?;
-        let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
-        let AnyArm::Space(arm) = &arm.arm else {
-            let sentence = "arm: cameras look at arms in space, and this one is in the plane";
-            return Err(InputError::new_err(sentence));
-        };
+        let arm = &in_space(arm)?;
         let eyes = cameras
             .try_iter()?
             .enumerate()
@@ -250,7 +269,8 @@ impl Perceiver {
         let settings = settings.map_or_else(|| Ok(PerceiverSettings::default()), read_settings)?;
         let known = known.map(sequence).transpose()?.unwrap_or_default();
         let nothing = AnyObstacles::Space(vec![]);
-        let AnyObstacles::Space(known) = read_obstacles(nothing, &known, AnyObstacles::read)?
+        let AnyObstacles::Space(known) =
+            read_obstacles_of("known", nothing, &known, AnyObstacles::read)?
         else {
             return Err(InputError::new_err("known: expected obstacles in space"));
         };
@@ -287,13 +307,54 @@ impl Perceiver {
         self.inner.take(py)?.observe(t, &q, &dq).map_err(|error| fault(&error))
     }
 
+    /// Go on around another arm: the same one with the load that it has taken up, or with another tool.
+    ///
+    /// What is seen of it is cut away from the next picture on. States and cloud stay as they are.
+    ///
+    /// Parameters
+    /// ----------
+    /// arm : Arm
+    ///     An arm in space with as many joints.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If it is in the plane, or has another number of joints.
+    ///
+    /// Examples
+    /// --------
+    /// >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+    /// ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+    /// >>> panda = Arm.named("panda")
+    /// >>> perceiver = Perceiver(panda, [camera])
+    /// >>> perceiver.set_arm(panda.with_load(0.7, com=[0.0, 0.0, 0.05]))
+    fn set_arm(&self, arm: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (py, arm) = (arm.py(), in_space(arm)?);
+        self.with(py, |core| core.set_arm(&arm))
+    }
+
+    /// Begin anew, without a state, a picture or a point, as where a clock begins anew.
+    ///
+    /// Examples
+    /// --------
+    /// >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+    /// ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+    /// >>> perceiver = Perceiver(Arm.named("panda"), [camera])
+    /// >>> perceiver.observe(5.0, [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7)
+    /// >>> perceiver.forget()
+    /// >>> perceiver.observe(0.0, [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7)
+    fn forget(&self, py: Python<'_>) -> PyResult<()> {
+        self.inner.take(py)?.forget();
+        Ok(())
+    }
+
     /// Take in a picture, with the GIL released.
     ///
     /// Parameters
     /// ----------
     /// depth : (rows, columns) array_like
-    ///     Depths along the optical axis: uint16 are millimetres, all else metres. What is 0 or no positive
-    ///     number was not measured.
+    ///     Depths along the optical axis: uint16 are millimetres, in either byte order, and floats metres.
+    ///     What is 0 or no positive number was not measured.
     /// t : float
     ///     When it was taken [s]; with ``time_offset`` added, on the clock of the states.
     /// camera : int, optional
@@ -310,6 +371,8 @@ impl Perceiver {
     /// vffnull.errors.InputError
     ///     If there is no such camera, the picture has another shape or is not later than its last one, or no
     ///     state of the arm is near its time. Nothing has changed then.
+    /// vffnull.errors.InputTypeError
+    ///     If it has whole numbers that are not uint16, whose unit nobody knows, or is masked.
     #[pyo3(signature = (depth, t, camera=None), text_signature = "($self, depth, t, camera=0)")]
     fn see<'py>(
         &self,
@@ -325,6 +388,8 @@ impl Perceiver {
     }
 
     /// Take in a cloud of points that a camera saw, as far as they are in its picture.
+    ///
+    /// As dense as it was measured: of a cloud that was thinned, hardly a cell has ``least_points``.
     ///
     /// Parameters
     /// ----------
@@ -392,13 +457,32 @@ impl Perceiver {
     /// What is there, (k, 3) [m], at time `t`: the cloud for `Controller.update_points`.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        self.of_points(py, |(point, _)| point)
+        Ok(self.moving(py)?.0)
     }
 
     /// At which velocities the points go on, (k, 3) [m/s].
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        self.of_points(py, |(_, velocity)| velocity)
+        Ok(self.moving(py)?.1)
+    }
+
+    /// All of this at once for `Controller.update_points`: points (k, 3) [m], velocities (k, 3) [m/s] and
+    /// the time [s] at which they were there, None before the first picture.
+    ///
+    /// Read one by one, `points`, `velocities` and `t` may be of different pictures where another thread
+    /// takes them in.
+    ///
+    /// Examples
+    /// --------
+    /// >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+    /// ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+    /// >>> perceiver = Perceiver(Arm.named("panda"), [camera])
+    /// >>> points, velocities, t = perceiver.cloud
+    /// >>> points.shape, velocities.shape, t
+    /// ((0, 3), (0, 3), None)
+    #[getter]
+    fn cloud<'py>(&self, py: Python<'py>) -> PyResult<Cloud<'py>> {
+        self.moving(py)
     }
 
     /// When the last picture was taken [s], on the clock of the states; None before the first.
@@ -415,9 +499,9 @@ impl Perceiver {
 
     /// The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it,
     /// ``position`` [m] and ``velocity`` [m/s] at time ``t`` [s], ``covariance`` of place and velocity
-    /// (2, 2), the same for each coordinate, in how many pictures it was ``seen``, whether it ``moves`` for
-    /// certain, and whether it goes on where the picture or the room ends, ``cut``: its velocity is then
-    /// that of its sides.
+    /// (2, 2), the same for each coordinate, ``angular_velocity`` [rad/s] of what is long and turns for
+    /// certain, in how many pictures it was ``seen``, whether it ``moves`` for certain, and whether it goes
+    /// on where the picture or the room ends, ``cut``: its velocity is then that of its sides.
     #[getter]
     fn tracks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let tracks = self.inner.take(py)?.tracks();
@@ -427,6 +511,8 @@ impl Perceiver {
             found.set_item("camera", track.camera)?;
             found.set_item("position", PyArray1::from_slice(py, track.position.as_slice()))?;
             found.set_item("velocity", PyArray1::from_slice(py, track.velocity.as_slice()))?;
+            let turning = PyArray1::from_slice(py, track.angular_velocity.as_slice());
+            found.set_item("angular_velocity", turning)?;
             let [place, both, speed] = track.covariance;
             found.set_item("covariance", array2(py, vec![place, both, both, speed], [2, 2])?)?;
             found.set_item("t", track.time)?;
