@@ -251,11 +251,8 @@ fn depths(settings: &PerceptionSettings) -> Validated {
         return Err(ScenarioError::out_of_range("grazing", "in [0, π/2)", grazing));
     }
     if !(0.0..=PI).contains(&orientation_error) {
-        return Err(ScenarioError::out_of_range(
-            "orientation_error",
-            "in [0, π]",
-            orientation_error,
-        ));
+        let (path, requirement) = ("orientation_error", "in [0, π]");
+        return Err(ScenarioError::out_of_range(path, requirement, orientation_error));
     }
     if settings.kind != PerceptionKind::Depth {
         let keys = ["grazing", "position_error", "orientation_error", "clock_error"];
