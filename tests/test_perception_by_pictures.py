@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull.robots.simulated import SimulatedRobot
 
 SCENE = "panda-watched"
 SHORT = {"duration": 2.3}  # until the person has reached in once
@@ -136,3 +137,13 @@ def test_there_are_no_pictures_in_the_plane() -> None:
         vff.Scenario.load("sweep-through").replace(
             **{"simulation.control": "hold", "perception": {"kind": "depth", "cameras": [camera]}}
         )
+
+
+def test_a_drive_says_that_it_looks_through_no_camera() -> None:
+    """It is handed the true obstacles of the scene; what a robot sees has to be told."""
+    robot = SimulatedRobot(SCENE)
+    with (
+        pytest.warns(vff.errors.ScenarioWarning, match="perception: is of simulations"),
+        vff.drive(robot, vff.Scenario.load(SCENE), seconds=0.02) as drive,
+    ):
+        drive.wait(10.0)

@@ -31,7 +31,7 @@ enum vff_status
     VFF_STATUS_DOCUMENT = 4,
     // A file cannot be read.
     VFF_STATUS_FILE = 5,
-    // The numbers are no reference: the quaternion is not of norm 1.
+    // The numbers are no reference: the quaternion is not of norm 1. Or the robot is not where that of the scenario begins.
     VFF_STATUS_REFERENCE = 6,
     // There is no reference yet.
     VFF_STATUS_NO_REFERENCE = 7,
@@ -411,7 +411,8 @@ vff_status vff_controller_begin(struct vff_controller *controller,
 // Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
 // no newer than the last, not finite, or not to be reached from the last counts as missing. What is to be sent is finite, within the
 // torque limits and the rate of `command`, and does not depend on other states that are observed in between. Without a reference, the
-// motion of the end effector is damped.
+// motion of the end effector is damped. A robot that is not where the reference of the scenario begins is refused
+// (`VFF_STATUS_REFERENCE`): nothing is to be sent.
 vff_status vff_controller_cycle(struct vff_controller *controller,
                                 double t,
                                 const double *q,

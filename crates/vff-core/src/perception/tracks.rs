@@ -22,8 +22,8 @@ const BELIEVED: usize = 3;
 
 /// The standard deviation of a corner, by that of a mean: it is a matter of few points.
 const CORNER: f64 = 3.0;
-/// A body is long if the variance of its points along it is so many times the next one.
-const LONG: f64 = 4.0;
+/// A body is long if the variance of its points along it is so many times the next one: more than that of two balls that touch.
+const LONG: f64 = 9.0;
 
 /// A body that is followed.
 ///

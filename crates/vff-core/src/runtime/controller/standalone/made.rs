@@ -65,6 +65,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         this.reserve();
         this.warnings =
             odd.into_iter().chain(scenario::misread_scene(scene, arm.reach())).collect();
+        if scenario.perception.is_some() {
+            let told = "perception: is of simulations; this law knows the obstacles of the scenario, until it is told of others";
+            this.warnings.push(told.into());
+        }
         Ok(this)
     }
 
