@@ -5,7 +5,7 @@
 //! 2 × 2 is the covariance of each.
 
 use super::PerceiverSettings;
-use super::voxels::{COASTS, Voxel, VoxelMap};
+use super::voxels::{COASTS, VoxelMap};
 use crate::math::Vector;
 use nalgebra::Matrix3;
 
@@ -399,11 +399,11 @@ impl Tracks {
             is_taken[place] = true;
             twists[k] = self.bodies[place].twist(cluster.mean());
         }
-        // What another camera has hit later goes on as that one says.
-        let now = |voxel: &&mut Voxel| voxel.hits > 0 && voxel.last <= t;
-        for voxel in map.voxels_mut().iter_mut().filter(now) {
+        for voxel in map.voxels_mut().iter_mut().filter(|voxel| voxel.hits > 0) {
             let twist = twists.get(voxel.cluster as usize);
             voxel.velocity = twist.map(|twist| twist.at(&voxel.point)).unwrap_or_default();
+            // What another camera has hit in a later picture is told for that time.
+            voxel.point += voxel.velocity * (voxel.last - t);
         }
     }
 

@@ -231,13 +231,10 @@ impl VoxelMap {
             }
             if voxel.is_hit(&least) {
                 voxel.odds = (voxel.odds + HIT).min(SURE);
+                voxel.point = voxel.sum / f64::from(voxel.hits);
                 voxel.since = voxel.since.min(t);
-                // Of a picture that comes late another camera has seen where it is by now.
-                if t >= voxel.last {
-                    voxel.point = voxel.sum / f64::from(voxel.hits);
-                    voxel.last = t;
-                    voxel.camera = camera;
-                }
+                voxel.last = voxel.last.max(t); // another camera's picture may be later, to which it goes on
+                voxel.camera = camera;
             } else {
                 voxel.hits = 0;
                 if has_moved_on {
