@@ -360,6 +360,22 @@ def test_robots_of_positions_and_velocities() -> None:
         for wrong in (None, {}, {"acceleration": 1.0}, LIMITS | {"speed": -1.0}, LIMITS | {"force": 1.0}):
             with pytest.raises(InputError, match="limits: "):
                 vff.drive(robot, controller(), limits=wrong)
+    # One with a reference of its own follows that, and is not driven from elsewhere.
+    line = {"kind": "line", "end": [0.0, 0.1, 0.1], "duration": 1.0, "relative": True}
+    scene = SCENE.replace(reference=line, duration=2.0, obstacles=[])
+    robot = Servo("position")
+    with vff.drive(robot, scene, seconds=2.0, limits=LIMITS) as drive:
+        report = finished(drive)
+    assert (report.status, report.notes) == ("completed", ())
+    assert abs(ARM.pose(robot.q)[0] - start - [0.0, 0.1, 0.1]).max() < 1e-4
+    robot = Servo("position")
+    robot.q = np.add(SCENE["q0"], [0.5, 0, 0, 0, 0, 0, 0])
+    with (
+        pytest.warns(RuntimeWarning, match="the reference begins elsewhere"),
+        vff.drive(robot, scene, seconds=2.0, limits=LIMITS) as drive,
+    ):
+        finished(drive)
+    assert robot.most == 0.0
 
 
 def test_what_does_not_fit_is_refused() -> None:

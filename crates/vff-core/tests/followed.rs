@@ -152,10 +152,18 @@ fn a_loop_begins_where_its_reference_does() {
             let refused = controller.cycle(at(t, &away), None).unwrap_err();
             assert!(matches!(refused, CycleError::Elsewhere(_)));
             assert_eq!(refused.to_string(), why);
-            assert!(controller.sent().unwrap().iter().all(|tau| tau.is_nan())); // nothing yet
+            assert!(controller.sent().unwrap().iter().all(|tau| *tau == 0.0)); // nothing yet
         }
         let given = Target { x: &[2.0, 2.6], dx: &[0.0; 2], ddx: &[0.0; 2] };
         assert_eq!(controller.cycle(at(4.0 * H, &away), Some(&given)), Ok(Phase::Starting)); // whose place others know
+        // A loop that runs goes on, and waits until it is there.
+        assert_eq!(controller.cycle(at(5.0 * H, &away), None), Ok(Phase::Starting));
+        assert!(controller.missed_start().is_some());
+        assert_eq!(controller.cycle(at(1.0, &near), None), Ok(Phase::Starting));
+        assert_eq!(controller.missed_start(), None);
+        let mut controller = begun();
+        controller.stop(); // which goes nowhere
+        assert_eq!(controller.cycle(at(H, &away), None), Ok(Phase::Stopping));
         let mut controller = begun();
         assert_eq!(controller.cycle(at(H, &near), None), Ok(Phase::Starting));
         assert_eq!(controller.cycle(at(1.0, &away), None), Ok(Phase::Starting)); // it has begun

@@ -355,8 +355,7 @@ impl Controller {
     /// Raises
     /// ------
     /// vffnull.errors.InputError
-    ///     If no loop has begun, an array has the wrong shape, a reference is not finite, or the robot is not
-    ///     where the reference of the scenario begins; then nothing is to be sent.
+    ///     If no loop has begun, an array has the wrong shape, or a reference is not finite.
     ///
     /// Examples
     /// --------

@@ -108,7 +108,7 @@ impl Perceiver {
             _ => Ok(()),
         };
         let (given, kind) = any_array("depth", depth)?;
-        if "iu".contains(&kind) {
+        if "iub".contains(&kind) {
             let dtype: String = given.getattr("dtype")?.getattr("name")?.extract()?;
             if dtype != "uint16" {
                 let sentence = format!(

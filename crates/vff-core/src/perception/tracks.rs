@@ -403,7 +403,7 @@ impl Tracks {
             let twist = twists.get(voxel.cluster as usize);
             voxel.velocity = twist.map(|twist| twist.at(&voxel.point)).unwrap_or_default();
             // What another camera has hit in a later picture is told for that time.
-            voxel.point += voxel.velocity * (voxel.last - t);
+            voxel.point += voxel.velocity * (voxel.last - t).min(COASTS);
         }
     }
 

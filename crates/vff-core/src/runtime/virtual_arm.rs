@@ -243,7 +243,7 @@ impl VirtualArm {
         let measured =
             measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
         controller.observe(&self.out[0], &self.out[1], t);
-        controller.accelerate(target, &mut self.wanted)?;
+        controller.accelerate(target, true, &mut self.wanted)?;
         self.course = self.choose(measured);
         let rate = Self::RATE;
         for (i, joint) in self.joints.iter_mut().enumerate() {

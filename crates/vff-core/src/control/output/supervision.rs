@@ -242,6 +242,11 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.output.sent()
     }
 
+    /// Whether there has been a cycle with a state.
+    pub fn has_begun(&self) -> bool {
+        self.has_begun
+    }
+
     /// Whether there has been a cycle.
     pub fn has_sent(&self) -> bool {
         self.has_sent

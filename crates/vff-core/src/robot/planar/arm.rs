@@ -1,7 +1,7 @@
 //! The immutable parameters of a planar arm.
 
-use super::Annulus;
-use crate::math::Vector;
+use super::{Annulus, Joint};
+use crate::math::{Capsule, Vector};
 use crate::robot::Limits;
 
 /// The physical parameters of one link.
@@ -131,4 +131,11 @@ impl PlanarArm {
         let longest = lengths().fold(0.0, f64::max);
         Annulus { inner: (2.0 * longest - outer).max(0.0), outer }
     }
+}
+
+/// What a link takes up.
+#[inline(always)]
+pub(super) fn capsule(joint: &Joint, link: &Link) -> Capsule<2> {
+    let Link { length, radius, .. } = *link;
+    Capsule { start: joint.position, direction: joint.x, length, radius }
 }

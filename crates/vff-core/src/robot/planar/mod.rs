@@ -22,6 +22,7 @@ pub use reach::{Annulus, Reach};
 use super::{Limits, Manipulator, Matrices, Model, Robot, dense, pace};
 use crate::geometry::Body;
 use crate::math::{Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
+use arm::capsule;
 use factorisation::{ArticulatedInertia, TaskForces};
 use nalgebra::{SMatrix, SVector};
 use std::mem;
@@ -578,12 +579,6 @@ pub struct PlanarWrench {
     pub force: Vector<2>,
     /// Moment about the link's joint \[N·m\].
     pub moment: f64,
-}
-
-#[inline(always)]
-fn capsule(joint: &Joint, link: &Link) -> Capsule<2> {
-    let Link { length, radius, .. } = *link;
-    Capsule { start: joint.position, direction: joint.x, length, radius }
 }
 
 /// The first `M` components of a planar twist: two linear, one angular.

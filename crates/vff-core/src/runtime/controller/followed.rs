@@ -148,11 +148,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         }
     }
 
-    /// Why a robot with these joints and this end effector is too far from its beginning; None where it has begun.
+    /// Whether it has begun.
+    pub(super) fn has_begun(&self) -> bool {
+        self.begins.is_some()
+    }
+
+    /// Why a robot with these joints and this end effector is too far from its beginning.
     pub(super) fn missed_start(&self, q: &[f64], pose: &S::Pose) -> Option<MissedStart> {
-        if self.begins.is_some() {
-            return None;
-        }
         if let Some(joints) = self.joints() {
             let pairs = q.iter().zip(joints.first()).enumerate();
             let mut far = pairs.filter(|(_, (q, first))| (*q - *first).abs() > NEAR);

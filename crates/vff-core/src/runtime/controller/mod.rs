@@ -489,7 +489,8 @@ pub trait ErasedController: Debug + Send {
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation>;
 
     /// What the torque of the law would do to the joints of the model at the observed state \[rad/s², m/s²\], (n): for this target, or
-    /// for the reference of the scenario, or to stay where it is. `command.tip_speed` holds.
+    /// for the reference of the scenario, or to stay where it is. `command.tip_speed` holds. `is_cycle` says
+    /// that this is one of a loop, by which that reference goes on.
     ///
     /// # Errors
     /// If the target is no reference.
@@ -499,6 +500,7 @@ pub trait ErasedController: Debug + Send {
     fn accelerate(
         &mut self,
         target: Option<&Target<'_>>,
+        is_cycle: bool,
         out: &mut [f64],
     ) -> Result<(), NotARotation>;
 

@@ -132,6 +132,13 @@ impl<S, const D: usize, const M: usize> Standalone<S, D, M>
 where
     S: System<D, M, State: FromNumbers<D, M, Pose = <S as System<D, M>>::Pose>>,
 {
+    /// Why the arm is too far from where the reference of the scenario begins, if it is.
+    fn elsewhere(&self) -> Option<MissedStart> {
+        let robot = self.controller.robot();
+        let followed = self.followed.as_ref().filter(|followed| !followed.has_begun())?;
+        followed.missed_start(robot.configuration(), &robot.pose())
+    }
+
     /// The law at the observed state, for a target, or for the reference of the scenario, which `goes_on` by that, or to stay
     /// where it is.
     fn act_for(&mut self, target: Option<&Target<'_>>, goes_on: bool) {
@@ -142,6 +149,10 @@ where
             }
             let reference = self.controller.robot().sample(target);
             self.act(&reference, |ahead| reference.carried_on(ahead));
+        } else if goes_on && self.elsewhere().is_some() {
+            // Not thrown to where it begins: it waits until the arm is there.
+            let here = Sample::at_rest(self.controller.pose());
+            self.act(&here, |_| here);
         } else if let Some(mut followed) = self.followed.take() {
             let since = self.world.time();
             let now = since + self.epoch;
@@ -346,7 +357,8 @@ where
             }
             let elapsed = self.observe_at(q, dq, t);
             self.reached = Some(t - self.epoch);
-            if let Some(missed) = self.missed_start().filter(|_| target.is_none()) {
+            let begins = !supervisor.has_begun() && supervisor.wants_torque();
+            if let Some(missed) = self.missed_start().filter(|_| begins && target.is_none()) {
                 self.supervisor = Some(supervisor);
                 return Err(missed.into());
             }
@@ -447,10 +459,14 @@ where
     fn accelerate(
         &mut self,
         target: Option<&Target<'_>>,
+        is_cycle: bool,
         out: &mut [f64],
     ) -> Result<(), NotARotation> {
         target.map_or(Ok(()), S::State::check)?;
-        self.ask_for(target);
+        match is_cycle {
+            true => self.act_for(target, true),
+            false => self.ask_for(target),
+        }
         let Self { controller, scratch, .. } = self;
         controller.robot().accelerate(&controller.torque().total, controller.bias(), scratch, out);
         Ok(())
@@ -469,8 +485,7 @@ where
     }
 
     fn missed_start(&self) -> Option<MissedStart> {
-        let robot = self.controller.robot();
-        self.followed.as_ref()?.missed_start(robot.configuration(), &robot.pose())
+        self.elsewhere()
     }
 
     fn path_time(&self) -> Option<f64> {

@@ -97,26 +97,45 @@ impl Ending {
     }
 }
 
+/// How far off an arm was at the end of its time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Off {
+    /// The joint that was farthest off the plan, and how far \[rad, m\].
+    joint: (usize, f64),
+    /// The end effector, off its reference \[m\].
+    end_effector: f64,
+}
+
+impl Off {
+    /// If that is to be told.
+    pub(super) fn note(self) -> Option<String> {
+        let Self { joint: (joint, most), end_effector: off } = self;
+        if most > OFF_PLAN {
+            Some(format!(
+                "at the end joint {joint} was {most:.3} off the plan, the end effector {off:.3} m off"
+            ))
+        } else if off > OFF {
+            Some(format!("at the end the end effector was {off:.3} m off its reference"))
+        } else {
+            None
+        }
+    }
+}
+
 impl Inner {
-    /// Notes where the arm has come to by the end of its time, if that is not where the scenario wants it.
-    pub(super) fn note_where_it_ends(&mut self) {
-        let Self { controller, notes, now, given: None, .. } = self else { return };
+    /// How far the arm is off where its reference or plan has it; None where others say where it is to be.
+    pub(super) fn off(&self) -> Option<Off> {
+        let Self { controller, now, given: None, .. } = self else { return None };
         let [mut is, mut wanted] = [[0.0; 7]; 2];
         let width = now.pose().len();
         controller.write_pose(&mut is[..width]);
         controller.write_reference(&mut wanted[..width]);
         let place = controller.dimension();
-        let off = is[..place].iter().zip(&wanted[..place]).map(|(a, b)| (a - b).powi(2));
-        let off = off.sum::<f64>().sqrt();
+        let squares = is[..place].iter().zip(&wanted[..place]).map(|(a, b)| (a - b).powi(2));
+        let end_effector = squares.sum::<f64>().sqrt();
         let joints = controller.planned().into_iter().flat_map(|plan| plan.iter().zip(&self.q));
-        let (joint, most) = joints
-            .map(|(plan, q)| (plan - q).abs())
-            .enumerate()
-            .fold((0, 0.0), |(at, most), (i, off)| if off > most { (i, off) } else { (at, most) });
-        if most > OFF_PLAN {
-            notes.push(format!("at the end joint {joint} was {most:.3} off the plan, the end effector {off:.3} m off"));
-        } else if off > OFF {
-            notes.push(format!("at the end the end effector was {off:.3} m off its reference"));
-        }
+        let ways = joints.map(|(plan, q)| (plan - q).abs()).enumerate();
+        let joint = ways.fold((0, 0.0), |most, way| if way.1 > most.1 { way } else { most });
+        Some(Off { joint, end_effector })
     }
 }

@@ -29,6 +29,7 @@ use crate::control::output::{BeginError, Clock, Phase};
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use doubts::Doubts;
+use ending::Off;
 use exchange::ROWS;
 use judging::Judge;
 use reference::Reference;
@@ -151,6 +152,8 @@ struct Inner {
     start: f64,
     clock: Clock,
     judge: Judge,
+    /// Whether the velocities are none, so that they would damp nothing.
+    is_blind: bool,
     /// The time of the drive at the last state \[s\].
     last: f64,
     /// Periods in a row without news.
@@ -165,6 +168,8 @@ struct Inner {
     /// Periods until the next row is kept.
     until_row: u64,
     ending: Option<Ending>,
+    /// How far off the arm was at the end of its time.
+    off: Option<Off>,
     /// Periods since it was asked to end.
     ends: u64,
     refused: u32,
@@ -185,6 +190,7 @@ impl<D: Driver> Loop<D> {
         let period = 1.0 / options.rate;
         controller.begin(period, None)?;
         let (n, widths) = (controller.dof(), controller.widths());
+        let is_torque = driver.kind() == CommandKind::Torque;
         let model = match driver.kind() {
             CommandKind::Torque => None,
             kind => {
@@ -218,7 +224,9 @@ impl<D: Driver> Loop<D> {
             senses: controller.senses(),
             start: 0.0,
             clock: Clock::new(period),
-            judge: Judge::new(n, period),
+            // Set points go on from a model: what is measured damps nothing.
+            judge: Judge::new(if is_torque { n } else { 0 }, period),
+            is_blind: false,
             last: 0.0,
             stale: 0,
             given: None,
@@ -228,6 +236,7 @@ impl<D: Driver> Loop<D> {
             kept: Rows { values: Vec::with_capacity(room), lost: 0 },
             until_row: 0,
             ending: None,
+            off: None,
             ends: 0,
             refused: 0,
             doubts: Doubts::default(),
@@ -354,9 +363,9 @@ impl Inner {
                 thread::sleep(Duration::from_secs_f64(1.0 / self.options.rate)); // nobody else paces now
             }
         }
-        if let Some(fault) =
-            state.as_ref().ok().and_then(|t| self.judge.look(*t, &self.q, &self.dq))
-        {
+        let judged = state.as_ref().ok().and_then(|t| self.judge.look(*t, &self.q, &self.dq));
+        if let Some(fault) = judged {
+            self.is_blind |= matches!(fault, Fault::Velocity { .. });
             self.fail(fault);
         }
         let t = state.ok().map(|t| self.time_at(t));
@@ -367,7 +376,7 @@ impl Inner {
         }
         if self.options.seconds.is_some_and(|seconds| t.is_some_and(|t| t >= seconds)) {
             if self.ending.is_none() {
-                self.note_where_it_ends();
+                self.off = self.off();
             }
             self.end(Ending::Completed);
         }
@@ -436,6 +445,9 @@ impl Inner {
 
     /// Sends what the controller says. Whether the loop goes on.
     fn send<D: Driver>(&mut self, driver: &mut D, phase: Phase) -> bool {
+        if self.is_blind {
+            return false; // the arm is left to its own brakes
+        }
         let command = match &self.model {
             None => self.controller.sent(),
             Some((model, positions)) => Some(model.set_point()[usize::from(!positions)]),
@@ -455,9 +467,7 @@ impl Inner {
         if too_long {
             self.notes.push(format!("the arm still moved {LONGEST_STOP} s after it was to stop"));
         }
-        // A velocity that is none damps nothing: the arm is left to its own brakes.
-        let is_blind = matches!(self.ending, Some(Ending::Faulted(Fault::Velocity { .. })));
-        !(phase.is_over() || too_long || is_blind || self.refused >= REFUSALS)
+        !(phase.is_over() || too_long || self.refused >= REFUSALS)
     }
 
     /// Begins the end, if it has not begun.
@@ -547,6 +557,7 @@ impl Inner {
         let mut end = std::mem::take(&mut self.kept);
         self.exchange.append(&mut end);
         self.notes.extend(self.doubts.note());
+        self.notes.extend(self.off.and_then(Off::note));
         if !self.exchange.phase().is_over() {
             self.exchange.enter(Phase::Lost);
         }
