@@ -129,14 +129,15 @@ fn other_references_come_in_between() {
 #[test]
 fn a_loop_begins_where_its_reference_does() {
     let line =
-        "[reference]\n kind = 'line'\n start = [3.0, 2.28]\n goal = [1.0, 3.0]\n duration = 3.0\n";
+        "[reference]\n kind = 'line'\n start = [3.0, 2.28]\n end = [1.0, 3.0]\n duration = 3.0\n";
     let [before, plan] = SCENE.split("[reference]").collect::<Vec<_>>()[..] else { panic!() };
     let obstacles = plan.split_at(plan.find("[[obstacles]]").unwrap()).1;
+    let before = before.replace("posture_stiffness = 60\n", "");
     let line = format!("{before}{line}{obstacles}");
     let [near, away] = [[0.2, 0.3, 0.35, 0.3], [0.2, 0.3, 0.45, 0.3]];
     let elsewhere = [
         "the plan begins elsewhere: joint 2 is at 0.450, the plan has it at 0.300",
-        "the reference begins elsewhere: the end effector is 0.293 m and 0.00 rad from there, and 0.011 m and 0.00 rad at \
+        "the reference begins elsewhere: the end effector is 0.293 m and 0.00 rad from there, and 0.010 m and 0.00 rad at \
          the scenario's q0",
     ];
     for (scene, why) in [SCENE, &line].into_iter().zip(elsewhere) {

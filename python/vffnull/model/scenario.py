@@ -16,7 +16,6 @@ from vffnull._support.errors import InputError, InputTypeError, ScenarioError
 from vffnull.model.arm import arm_of
 from vffnull.model.arm_files import anchored, explicit
 from vffnull.model.document import Document, HasDocument, frozen, get, plain, put
-from vffnull.model.toml_text import naming, parsed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -383,12 +382,16 @@ def source_of(scenario: ScenarioLike) -> Document:
 
 def _written(source: str | os.PathLike[str]) -> Document:
     """The document of a bundled scenario or of a TOML file, as it is written."""
+    from vffnull.model.toml_text import parsed  # loaded when a file is read
+
     return anchored(parsed(read(source), shown(source)), _folder(source))
 
 
 def _naming(source: object) -> AbstractContextManager[None]:
     """What is wrong with a scenario in a file of one's own begins with its name."""
     is_file = isinstance(source, str | os.PathLike) and os.fspath(source).endswith(".toml")
+    from vffnull.model.toml_text import naming
+
     return naming(shown(source)) if is_file else nullcontext()  # type: ignore[arg-type]
 
 

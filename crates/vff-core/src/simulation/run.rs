@@ -5,6 +5,7 @@ use super::closed_loop::ClosedLoop;
 use super::metrics::{Metric, Metrics, Value};
 use super::recorder::{Record, RecordTooLarge};
 use super::{Options, Replanned, System};
+use std::fmt;
 use std::time::{Duration, Instant};
 
 /// How a run ended. Everything until then is recorded.
@@ -55,7 +56,7 @@ pub struct Outcome {
 }
 
 /// A closed loop with its record and metrics.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Run<S: System<D, M>, const D: usize, const M: usize> {
     closed_loop: ClosedLoop<S, D, M>,
     record: Record,
@@ -66,6 +67,15 @@ pub struct Run<S: System<D, M>, const D: usize, const M: usize> {
     /// Plant steps per recorded row; nothing is recorded without.
     record_every: Option<usize>,
     diverged: bool,
+}
+
+/// Briefly: everything in it, for each space and task, would be a part of every program.
+impl<S: System<D, M>, const D: usize, const M: usize> fmt::Debug for Run<S, D, M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut told = f.debug_struct("Run");
+        told.field("dimension", &D).field("steps", &self.steps).field("diverged", &self.diverged);
+        told.finish_non_exhaustive()
+    }
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {

@@ -31,7 +31,7 @@ use std::sync::Arc;
 use toml::Table;
 
 /// A controller that is called from outside, and what is around it.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     arm: Arc<S::Arm>,
     /// Laws with the same number have the same joints and the same `command`: copies of one, and successors that were made for it.

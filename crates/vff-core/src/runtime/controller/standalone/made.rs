@@ -9,6 +9,7 @@ use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
 use crate::world::{CollisionQuery, ObstacleGeometry, World};
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -156,5 +157,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
                 followed.reserve(controller);
             }
         }
+    }
+}
+
+/// Briefly: everything in it, for each space and task, would be a part of every program.
+impl<S: System<D, M>, const D: usize, const M: usize> fmt::Debug for Standalone<S, D, M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let joints = self.scratch.len();
+        let mut told = f.debug_struct("Controller");
+        told.field("joints", &joints).field("dimension", &D).field("last", &self.last);
+        told.finish_non_exhaustive()
     }
 }
