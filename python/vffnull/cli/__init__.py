@@ -17,7 +17,7 @@ import click
 
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError, VffNullError
-from vffnull._support.figures import FIGURE_ENDINGS
+from vffnull._support.figures import is_file
 from vffnull.cli import results
 from vffnull.cli.arms import arms
 from vffnull.cli.common import (
@@ -227,7 +227,7 @@ def run(
     if save_to is not None:  # find out before the run, not after it
         check_path(save_to)
         has_folder(save_to)
-    if plot_to is not None and plot_to.suffix.lower() not in FIGURE_ENDINGS:
+    if plot_to is not None and not is_file(plot_to):
         plot_to.mkdir(parents=True, exist_ok=True)
     result = run_with_bar(ready, quiet, plant)
     files: list[Path] = []

@@ -18,7 +18,7 @@ from vffnull.cli.common import (
     prepared,
     set_option,
 )
-from vffnull.model.outcome import readable
+from vffnull.model.outcome import aligned, readable
 
 if TYPE_CHECKING:
     from vffnull.planning import Plan
@@ -153,12 +153,12 @@ _MEANINGS = {
 def _table(found: Plan) -> str:
     """What is told of a plan, with units."""
     units = {"gap": "m"} if found.status == "goal out of reach" else {}
-    values = {name: readable(value) for name, value in list(_summary(found).items())[2:]}  # type: ignore[arg-type]
-    wide = max(map(len, values.values()))
-    return "\n".join(
-        f"{name:<9}  {value:>{wide}} {units.get(name, unit):<3}  {meaning}"
-        for (name, value), (unit, meaning) in zip(values.items(), _MEANINGS.values(), strict=True)
-    )
+    summary = _summary(found)
+    rows = [
+        (name, readable(summary[name]), units.get(name, unit), meaning)  # type: ignore[arg-type]
+        for name, (unit, meaning) in _MEANINGS.items()
+    ]
+    return "\n".join(aligned(rows))
 
 
 def _summary(found: Plan) -> dict[str, str | float | int | None]:

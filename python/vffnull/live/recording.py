@@ -96,12 +96,12 @@ class Recorder:
 
     def drain(self) -> None:
         """Write what has been recorded; a disk that is full ends the recording, not the page."""
+        if self._recording is None:
+            return
         try:
-            if self._recording is not None:
-                self._recording.drain()
+            self._recording.drain()
         except OSError as fault:
-            if self._recording is not None:
-                self._recording.drop()
+            self._recording.drop()
             self._recording = None
             self._show(False)
             self._tell("The recording has ended", str(fault))

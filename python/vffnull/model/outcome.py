@@ -7,7 +7,7 @@ with the methods that make them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Metrics", "Outcome", "Replan", "Status", "readable", "seconds"]
+__all__ = ["Metrics", "Outcome", "Replan", "Status", "aligned", "readable", "seconds"]
 
 
 class Status(str, Enum):
@@ -116,12 +116,7 @@ class Metrics(Mapping[str, float | int | None]):
         return f"Metrics({self._values!r})"
 
     def __str__(self) -> str:
-        rows = self._rows()
-        wide = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
-        lines = [
-            f"{name:<{wide[0]}}  {value:>{wide[1]}} {unit:<{wide[2]}}  {meaning}".rstrip()
-            for name, value, unit, meaning in rows
-        ]
+        lines = aligned(self._rows())
         if self.missing:
             from textwrap import wrap
 
@@ -156,6 +151,15 @@ class Metrics(Mapping[str, float | int | None]):
 def readable(value: float | int | None) -> str:
     """A metric with as many digits as one reads; a dash if it does not apply."""
     return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
+
+
+def aligned(rows: Sequence[tuple[str, str, str, str]]) -> list[str]:
+    """Lines with a name, a value, its unit and its meaning, each below the other."""
+    wide = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
+    return [
+        f"{name:<{wide[0]}}  {value:>{wide[1]}} {unit:<{wide[2]}}  {meaning}".rstrip()
+        for name, value, unit, meaning in rows
+    ]
 
 
 def seconds(time: float) -> str:

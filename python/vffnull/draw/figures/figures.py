@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 
 from vffnull._support.errors import InputError
-from vffnull._support.figures import FIGURE_ENDINGS
+from vffnull._support.figures import FIGURE_ENDINGS, is_file
 from vffnull._support.files import replacing
 from vffnull.draw import style
 from vffnull.draw.figures import joints, limits, links, null_space, overview, sensed, strobe, touch, tracking
@@ -47,7 +47,7 @@ def save(result: Outcome, directory: Path, ending: str = ".png") -> list[Path]:
     """Draw every figure and write each to a file of its name, or the overview to one; returns the files."""
     if ending not in FIGURE_ENDINGS:
         raise InputError(f"figures are written as {', '.join(FIGURE_ENDINGS)}, not {ending}")
-    if directory.suffix.lower() in FIGURE_ENDINGS and not directory.is_dir():
+    if is_file(directory):
         directory.parent.mkdir(parents=True, exist_ok=True)
         with style.look(), replacing(directory) as draft:
             overview.overview(drawable(result)).savefig(draft)

@@ -50,6 +50,23 @@ impl<const D: usize, const M: usize> Cbf<D, M> {
         }
     }
 
+    /// Changes a torque so that limits are kept, and distances where it `spares_distances`; by how much these are violated.
+    fn solve<R: Robot<D>>(
+        &mut self,
+        situation: &Situation<'_, R, D, M>,
+        spares_distances: bool,
+        torque: &mut Torque,
+    ) -> f64 {
+        let Situation { robot, space, bias, range, .. } = *situation;
+        let Self { weight, pairs, own, barrier, .. } = self;
+        let kept = if spares_distances {
+            Kept { pairs, own, range }
+        } else {
+            Kept { pairs: &[], own: &[], range }
+        };
+        barrier.act(robot, space, &weight.at(robot), kept, bias, torque)
+    }
+
     /// Takes in the pairs of the arm's own bodies that are near each other.
     fn measure_bodies<R: Robot<D>>(&mut self, robot: &R) {
         let Self { activation, own, bodies, .. } = self;
@@ -106,10 +123,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
     }
 
     fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque) {
-        let Situation { robot, space, bias, range, .. } = *situation;
-        let Self { weight, pairs, own, barrier, slack, .. } = self;
-        *slack =
-            barrier.act(robot, space, &weight.at(robot), Kept { pairs, own, range }, bias, torque);
+        self.slack = self.solve(situation, true, torque);
     }
 
     fn confine<R: Robot<D>>(
@@ -118,14 +132,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         spares_distances: bool,
         torque: &mut Torque,
     ) {
-        let Situation { robot, space, bias, range, .. } = *situation;
-        let Self { weight, pairs, own, barrier, .. } = self;
-        let kept = if spares_distances {
-            Kept { pairs, own, range }
-        } else {
-            Kept { pairs: &[], own: &[], range }
-        };
-        barrier.act(robot, space, &weight.at(robot), kept, bias, torque);
+        self.solve(situation, spares_distances, torque);
     }
 
     fn slack(&self) -> Option<f64> {

@@ -291,10 +291,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     /// what the drives accept, within the torque limits otherwise.
     pub fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque) {
         each!(&mut self.way, way => way.act(situation, torque));
-        if let Some(limiter) = &mut self.limiter {
-            let distances = each!(&self.way, way => Way::<D, M>::distances(way));
-            limiter.act(situation, distances.unwrap_or_default(), torque);
-        }
+        self.limit(situation, true, torque);
     }
 
     /// Changes a torque that is not of the law so that limits are kept, and distances as the way keeps them where it
@@ -306,6 +303,16 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         torque: &mut Torque,
     ) {
         each!(&mut self.way, way => way.confine(situation, spares_distances, torque));
+        self.limit(situation, spares_distances, torque);
+    }
+
+    /// Keeps what the drives can do where the way does not know it.
+    fn limit<R: Robot<D>>(
+        &mut self,
+        situation: &Situation<'_, R, D, M>,
+        spares_distances: bool,
+        torque: &mut Torque,
+    ) {
         if let Some(limiter) = &mut self.limiter {
             let distances = each!(&self.way, way => Way::<D, M>::distances(way));
             let distances = distances.filter(|_| spares_distances);

@@ -116,10 +116,9 @@ impl Output {
         period: f64,
         range: &mut TorqueRange,
     ) {
-        self.look_at(robot);
+        self.find_added(robot);
         range.period = period;
-        let Self { friction, rate, bounds, scratch: [theirs, added], .. } = self;
-        write_added(friction.as_mut(), robot, theirs, added);
+        let Self { rate, bounds, scratch: [_, added], .. } = self;
         for (i, rate) in rate.iter().enumerate() {
             let [low, high] = [sent[i] - rate * period, sent[i] + rate * period];
             let [least, most] = bounds[i].map(|bound| bound.max(low).min(high));
@@ -136,30 +135,41 @@ impl Output {
         sent: &[f64],
         acting: &mut [f64],
     ) {
-        self.look_at(robot);
-        let Self { friction, scratch: [theirs, added], .. } = self;
-        write_added(friction.as_mut(), robot, theirs, added);
-        let torques = acting.iter_mut().zip(sent).zip(added);
-        torques.for_each(|((acting, sent), added)| *acting = sent - *added);
+        self.find_added(robot);
+        self.take_off_added(sent, acting);
     }
 
-    /// Writes which torque of the law what is wanted is at the state of `robot` \[N·m, N\].
+    /// The same of what is wanted instead.
     pub fn write_wanted<R: Robot<D>, const D: usize>(&mut self, robot: &R, tau: &mut [f64]) {
-        self.look_at(robot);
-        let Self { friction, wanted, scratch: [theirs, added], .. } = self;
-        write_added(friction.as_mut(), robot, theirs, added);
-        let torques = tau.iter_mut().zip(wanted).zip(added);
-        torques.for_each(|((tau, wanted), added)| *tau = *wanted - *added);
+        self.find_added(robot);
+        self.take_off_added(&self.wanted, tau);
     }
 
     /// Wants what that torque of the law is at the state of `robot` \[N·m, N\], within the torque limits.
     pub fn want<R: Robot<D>, const D: usize>(&mut self, robot: &R, tau: &[f64]) {
-        self.look_at(robot);
-        let Self { friction, wanted, scratch: [theirs, added], .. } = self;
-        write_added(friction.as_mut(), robot, theirs, added);
+        self.find_added(robot);
+        let Self { wanted, scratch: [_, added], .. } = self;
         let torques = wanted.iter_mut().zip(tau).zip(added);
         torques.for_each(|((wanted, tau), added)| *wanted = tau + *added);
         self.confine();
+    }
+
+    /// Takes in the state, and finds what is sent beyond the torque of the law, into the second scratch: friction that is compensated,
+    /// without gravity that the robot adds.
+    fn find_added<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        self.look_at(robot);
+        let Self { friction, scratch: [theirs, added], .. } = self;
+        added.fill(0.0);
+        if let Some(friction) = friction {
+            friction.compensate(robot.velocity(), &[], added);
+        }
+        added.iter_mut().zip(theirs).for_each(|(added, theirs)| *added -= *theirs);
+    }
+
+    /// Writes what of a torque is that of the law, after [`find_added`](Self::find_added).
+    fn take_off_added(&self, torque: &[f64], law: &mut [f64]) {
+        let torques = law.iter_mut().zip(torque).zip(&self.scratch[1]);
+        torques.for_each(|((law, torque), added)| *law = torque - added);
     }
 
     /// Takes in the state: what the robot adds by itself, into the first scratch, and what may be sent beside it. The limits bind what
@@ -249,20 +259,6 @@ impl Output {
         sent.copy_from_slice(before);
         before.copy_from_slice(earlier);
     }
-}
-
-/// Writes what is sent beyond the torque of the law: friction that is compensated, without gravity, `theirs`, that the robot adds.
-fn write_added<R: Robot<D>, const D: usize>(
-    friction: Option<&mut Friction>,
-    robot: &R,
-    theirs: &[f64],
-    added: &mut [f64],
-) {
-    added.fill(0.0);
-    if let Some(friction) = friction {
-        friction.compensate(robot.velocity(), &[], added);
-    }
-    added.iter_mut().zip(theirs).for_each(|(added, theirs)| *added -= theirs);
 }
 
 /// `out = −d M q̇`, as much of it as the bounds leave beside `rest`.

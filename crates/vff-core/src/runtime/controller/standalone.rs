@@ -142,6 +142,8 @@ where
     /// The law at the observed state, for a target, or for the reference of the scenario, which `goes_on` by that, or to stay
     /// where it is.
     fn act_for(&mut self, target: Option<&Target<'_>>, goes_on: bool) {
+        // The arm is not thrown to where that begins: it waits until the arm is there.
+        let waits = goes_on && target.is_none() && self.elsewhere().is_some();
         if let Some(target) = target {
             if self.followed.is_some() {
                 self.controller.leave_plan();
@@ -149,11 +151,7 @@ where
             }
             let reference = self.controller.robot().sample(target);
             self.act(&reference, |ahead| reference.carried_on(ahead));
-        } else if goes_on && self.elsewhere().is_some() {
-            // Not thrown to where it begins: it waits until the arm is there.
-            let here = Sample::at_rest(self.controller.pose());
-            self.act(&here, |_| here);
-        } else if let Some(mut followed) = self.followed.take() {
+        } else if let Some(mut followed) = self.followed.take_if(|_| !waits) {
             let since = self.world.time();
             let now = since + self.epoch;
             if goes_on {
@@ -358,7 +356,10 @@ where
             let elapsed = self.observe_at(q, dq, t);
             self.reached = Some(t - self.epoch);
             let begins = !supervisor.has_begun() && supervisor.wants_torque();
-            if let Some(missed) = self.missed_start().filter(|_| begins && target.is_none()) {
+            if begins
+                && target.is_none()
+                && let Some(missed) = self.elsewhere()
+            {
                 self.supervisor = Some(supervisor);
                 return Err(missed.into());
             }

@@ -190,7 +190,6 @@ impl<D: Driver> Loop<D> {
         let period = 1.0 / options.rate;
         controller.begin(period, None)?;
         let (n, widths) = (controller.dof(), controller.widths());
-        let is_torque = driver.kind() == CommandKind::Torque;
         let model = match driver.kind() {
             CommandKind::Torque => None,
             kind => {
@@ -199,6 +198,8 @@ impl<D: Driver> Loop<D> {
                 Some((model, kind == CommandKind::Position))
             }
         };
+        // Set points go on from a model: what is measured damps nothing.
+        let judged = if model.is_none() { n } else { 0 };
         let names = ["q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "command"];
         let mut columns = vec![("t", 1)];
         columns.extend(names.map(|name| (name, n)));
@@ -224,8 +225,7 @@ impl<D: Driver> Loop<D> {
             senses: controller.senses(),
             start: 0.0,
             clock: Clock::new(period),
-            // Set points go on from a model: what is measured damps nothing.
-            judge: Judge::new(if is_torque { n } else { 0 }, period),
+            judge: Judge::new(judged, period),
             is_blind: false,
             last: 0.0,
             stale: 0,
