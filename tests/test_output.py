@@ -186,6 +186,81 @@ def test_how_fast_the_tip_turns(scenario: Any, rate: float | None) -> None:
     assert 0.4 * free < turns(vff.simulate(limited)).max() < 0.505 * free
 
 
+def led(name: str, settings: dict[str, Any], target: Any, **more: Any) -> tuple[Array, Array, Array]:
+    """A loop of 1 ms on an exact model (T): how fast its hand moves [m/s] and turns [rad/s], and its torques
+    [of their limits] (T, n); `target` is how far the hand is to be from where it begins, at a time.
+    """
+    arm = vff.Arm.named(name)
+    q, dq = np.array(HOMES[name]), np.zeros(arm.n)
+    gains = {"stiffness": 100.0, "damping": 20.0, "null_damping": 10.0}
+    controller = vff.Controller(arm, gains | settings, period=PERIOD)
+    controller.begin(PERIOD)
+    home, moves, turns, torques = arm.pose(q)[0], [], [], []
+    for k in range(1500):
+        t = k * PERIOD
+        torque, _ = controller.cycle(t, q, dq, x_ref=home + target(t), **more)
+        torques.append(torque / arm.torque_limits)
+        dq = dq + PERIOD * arm.forward_dynamics(q, dq, torque)
+        q = q + PERIOD * dq
+        twist = arm.jacobian(q) @ dq
+        moves.append(np.linalg.norm(twist[:3]))
+        turns.append(np.linalg.norm(twist[3:]))
+    return np.array(moves), np.array(turns), np.array(torques)
+
+
+HOMES = {
+    "panda": READY,
+    "ur5e": [0.0, -1.2, 1.6, -2.0, -1.57, 0.0],
+    "iiwa14": [0.0, 0.6, 0.0, -1.2, 0.0, 1.0, 0.0],
+}
+
+
+def turned_back(torques: Array) -> int:
+    """In how many cycles a torque goes back by more than 5 % of its limit, after it came by as much."""
+    change = np.diff(torques, axis=0)
+    back = (change[1:] * change[:-1] < 0) & (np.minimum(abs(change[1:]), abs(change[:-1])) > 0.05)
+    return int(back.any(axis=1).sum())
+
+
+@pytest.mark.parametrize("name", HOMES)
+@pytest.mark.parametrize("way", ["cbf", "priority"])
+def test_the_tip_is_no_faster_where_a_distance_asks_for_it(name: str, way: str) -> None:
+    """A ball twice as fast as the tip may be comes at the hand: that gives way as fast as it may, by torques
+    that turn back in every other cycle (416 to 815 of 2500) before the ball of accelerations of (T114).
+    """
+    home = vff.Arm.named(name).pose(HOMES[name])[0]
+    ball = vff.Obstacle.sphere(home - [0.0, 0.6, 0.0], radius=0.08, motion=vff.Motion.linear([0.0, 0.5, 0.0]))
+    field = {"kind": "bounded", "gain": 80.0, "influence": 0.25}
+    settings = {"avoidance": way, "field": field, "command": {"tip_speed": 0.25}}
+    moves, _, torques = led(name, settings, lambda t: 0.0, obstacles=[ball])
+    deep = round(1.05 / PERIOD)  # then its middle is in the hand
+    assert 0.22 < moves[:deep].max() < 0.2525
+    assert turned_back(torques[:deep]) == 0
+
+
+@pytest.mark.parametrize("name", HOMES)
+def test_a_hand_out_of_reach_turns_no_faster(name: str) -> None:
+    """It turned at 0.86 to 1.14 rad/s of 0.5, and torques turned back in 128 to 162 cycles."""
+    command = {"gravity": "controller", "tip_angular_speed": 0.5}
+    settings = {"stiffness": 50.0, "damping": 14.0, "command": command}
+    _, turns, torques = led(name, settings, lambda t: np.array([0.8 * t, 0.0, 0.0]))
+    assert turns.max() < 0.505
+    assert turned_back(torques) == 0
+
+
+@pytest.mark.parametrize("limit", ["tip_speed", "tip_angular_speed"])
+def test_a_target_that_jumps_passes_no_limit_from_rest(limit: str) -> None:
+    """At rest there is no way of the tip along which to brake: half of a metre per second in one cycle."""
+
+    def jump(t: float) -> Array:
+        return np.array([0.3, 0.4, 0.2]) * (t > 0.1)
+
+    settings = {"stiffness": 2000.0, "damping": 90.0, "command": {limit: 0.1}}
+    moves, turns, torques = led("panda", settings, jump)
+    assert (moves if limit == "tip_speed" else turns).max() < 0.101
+    assert turned_back(torques) <= 2  # where it is asked to jump
+
+
 @pytest.mark.parametrize("beside", [[0.0, 0.05, 0.0], [-0.05, 0.0, 0.0]])
 def test_a_weight_that_nobody_knows_of_turns_the_hand_no_faster_than_its_robot_allows(
     beside: list[float],

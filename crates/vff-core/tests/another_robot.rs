@@ -13,7 +13,7 @@ use vff_core::control::{
 use vff_core::field::{Field, FieldKind};
 use vff_core::geometry::Body;
 use vff_core::math::{Capsule, Vector};
-use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot, pace};
+use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot};
 use vff_core::simulation::{
     ClosedLoop, Control, Options, Outcome, Perceive, Perception, PerceptionKind,
     PerceptionSettings, Physics, Reality, Run, SpaceTypes, Status, System, Value,
@@ -403,8 +403,9 @@ impl Robot<2> for ChainState {
         links.map(|(link, frame)| -link.mass * self.chain.gravity.dot(&frame.at(link.com))).sum()
     }
 
-    fn turning(&self, gradient: &mut [f64]) -> [f64; 2] {
-        pace::<_, 2, 3>(self, 2..3, gradient)
+    fn turning(&self) -> [Vector<3>; 2] {
+        [self.task_velocity::<3>(), self.task_bias_acceleration()]
+            .map(|twist| Vector::z() * twist.z)
     }
 
     fn turning_column(&self, _i: usize) -> Vector<3> {

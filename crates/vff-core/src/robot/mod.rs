@@ -26,7 +26,6 @@ use crate::geometry::{Body, ContactFeature, StillBody};
 use crate::math::{Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
-use std::ops::Range;
 use std::sync::Arc;
 
 pub use dense::Matrices;
@@ -94,24 +93,6 @@ pub trait Manipulator<const D: usize, const M: usize>: Robot<D> {
     fn motion(&self, ddq: &[f64]) -> [SVector<f64, M>; 2] {
         [self.task_velocity(), self.jacobian_mul(ddq) + self.task_bias_acceleration()]
     }
-}
-
-/// |v| for these `parts` v of the twist of the end effector, of which there are `P`, and its rate while q̈ = 0; writes its gradient
-/// in q̇ (n), zeros at rest.
-pub fn pace<R: Robot<D>, const D: usize, const P: usize>(
-    robot: &R,
-    parts: Range<usize>,
-    gradient: &mut [f64],
-) -> [f64; 2] {
-    let velocity: SVector<f64, P> = robot.task_velocity();
-    let mut along = SVector::<f64, P>::zeros();
-    parts.for_each(|i| along[i] = velocity[i]);
-    let speed = along.norm();
-    if speed > 0.0 {
-        along /= speed;
-    }
-    robot.jacobian_tr_mul(&along, gradient);
-    [speed, along.dot(&robot.task_bias_acceleration())]
 }
 
 /// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).
@@ -207,10 +188,10 @@ pub trait Robot<const D: usize> {
     /// The potential energy of gravity \[J\]; its gradient is g.
     fn potential_energy(&self) -> f64;
 
-    /// How fast the end effector turns \[rad/s\], and how fast that changes while q̈ = 0 \[rad/s²\]; writes its gradient in q̇
-    /// (n), zeros at rest. A robot says by [`pace`] which parts of its twist these are.
-    fn turning(&self, gradient: &mut [f64]) -> [f64; 2];
-    /// How joint `i` turns the end effector, about three axes; in the plane about the last.
+    /// How the end effector turns \[rad/s\], and how that changes while q̈ = 0 \[rad/s²\], about three axes; in the plane about the
+    /// last.
+    fn turning(&self) -> [Vector<3>; 2];
+    /// How joint `i` turns the end effector, about the same axes.
     fn turning_column(&self, i: usize) -> Vector<3>;
     /// ẋ = J q̇, the velocity of the end effector.
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M>;

@@ -12,6 +12,8 @@
 //! without pairs for those that have none. How fast the tip moves and turns is
 //! kept like the speed of a joint (T114).
 
+mod tip;
+
 use super::joint_bounds::{Acting, JointBounds};
 use super::margins::Margins;
 use super::order::Order;
@@ -24,10 +26,11 @@ use crate::control::{
 };
 use crate::interrupt;
 use crate::math::{Vector, dot};
-use crate::robot::{Robot, pace};
+use crate::robot::Robot;
 use crate::world::{Contact, Outlook};
 use nalgebra::SMatrix;
 use std::cell::Cell;
+use tip::{CUTS, Plane, Toward};
 
 /// k where it is not given \[1/s\].
 pub const RATE: f64 = 40.0;
@@ -62,11 +65,6 @@ fn usual<const D: usize>() -> Usual {
 /// How much more a joint's angle and speed weigh than a distance where there is no room for all: a robot ends a motion
 /// beyond them.
 const JOINTS: f64 = 100.0;
-
-/// w_ω at the largest speed at which the tip may turn \[kg·m²\], beside which what turns with a wrist is light; and from which
-/// share of that speed on there is any (T198).
-const TURNING: f64 = 3.0;
-const CALM: f64 = 0.5;
 
 /// How far the motion keeps from its limits.
 #[derive(Debug, Clone, Copy)]
@@ -161,6 +159,8 @@ pub(crate) struct Barrier {
     tip: [f64; 2],
     /// The share of that which is kept.
     tip_share: f64,
+    /// What keeps the tip.
+    planes: Vec<Plane>,
     /// w_ω of (T198) at present \[kg·m²\].
     turning_weight: f64,
     /// See [`Yielding`].
@@ -207,6 +207,7 @@ impl Barrier {
             joints: JointBounds::new(robot, gains, [reserve.angle, reserve.joint]),
             tip: [tip_speed, tip_angular_speed].map(|most| most.unwrap_or(f64::INFINITY)),
             tip_share: reserve.tip,
+            planes: Vec::with_capacity(2 * (1 + CUTS)),
             turning_weight: 0.0,
             rate: rate(settings),
             margins: Margins::new(n, settings),
@@ -250,7 +251,7 @@ impl Barrier {
     /// Room for this many pairs.
     pub fn reserve(&mut self, pairs: usize) {
         let n = self.nominal.len();
-        let constraints = pairs + 4 * n + 2;
+        let constraints = pairs + 4 * n + 2 * (1 + CUTS);
         self.normals.clear();
         self.bounds.clear();
         self.shares.clear();
@@ -294,7 +295,8 @@ impl Barrier {
         }
         self.keep_distances(robot, kept);
         self.keep_joints(robot, bias, kept.range);
-        self.keep_tip(robot, kept.range);
+        self.planes.clear();
+        self.keep_tip(robot, Toward::Desired(kept.range));
         self.soften();
         self.ends.clear();
         match kept.range {
@@ -313,15 +315,22 @@ impl Barrier {
             self.find_masses(robot);
         }
         // Damped, or the smallest of motions would cost next to nothing close to a singularity, and rounding decide (T25).
-        self.weigh(&(weight - space.lambda_damped), robot);
+        let difference = weight - space.lambda_damped;
+        self.weigh(&difference, robot);
+        self.gradient.fill(0.0);
         self.keep_torques(&torque.total);
-        let outcome = self.program.solve(&Problem {
-            hessian: &self.hessian,
-            gradient: &self.gradient,
-            normals: &self.normals,
-            bounds: &self.bounds,
-            softness: &self.softness,
-        });
+        let mut outcome = self.solve();
+        for _ in 0..CUTS {
+            if kept.range.is_some() || self.planes.is_empty() || outcome != Outcome::Solved {
+                break;
+            }
+            self.weigh(&difference, robot);
+            self.gradient.fill(0.0);
+            if !self.keep_tip(robot, Toward::Found) {
+                break;
+            }
+            outcome = self.solve();
+        }
         self.left_out.programs += u64::from(outcome == Outcome::Unfinished);
         let y = self.program.x();
         let n = y.len();
@@ -337,6 +346,16 @@ impl Barrier {
         let missing = |((a, bound), share): ((&[f64], &f64), &f64)| (bound - dot(a, y)) / share;
         let constraints = self.normals.chunks_exact(n).zip(&self.bounds).zip(&self.shares);
         constraints.map(missing).fold(0.0, f64::max)
+    }
+
+    fn solve(&mut self) -> Outcome {
+        self.program.solve(&Problem {
+            hessian: &self.hessian,
+            gradient: &self.gradient,
+            normals: &self.normals,
+            bounds: &self.bounds,
+            softness: &self.softness,
+        })
     }
 
     /// How soft each constraint is: 1/ρ for a distance and a hundredth of that for joints and the tip; less behind a limit of the
@@ -424,51 +443,6 @@ impl Barrier {
         }
     }
 
-    /// How fast the tip moves and turns (T114): a constraint for each.
-    fn keep_tip<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
-        let [speed, turning] = self.tip;
-        if speed.is_finite() {
-            self.keep_pace(robot, speed, range, |normal| pace::<R, D, D>(robot, 0..D, normal));
-        }
-        if turning.is_finite() {
-            let turns = self.keep_pace(robot, turning, range, |normal| robot.turning(normal));
-            let share = (turns / (self.tip_share * turning) - CALM) / (1.0 - CALM);
-            self.turning_weight = TURNING * share.clamp(0.0, 1.0);
-        }
-    }
-
-    /// What `measure` says is kept below `most`: it returns a speed and its rate while q̈ = 0, and writes its gradient. Returns the
-    /// speed.
-    fn keep_pace<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        most: f64,
-        range: Option<&TorqueRange>,
-        measure: impl FnOnce(&mut [f64]) -> [f64; 2],
-    ) -> f64 {
-        let kept = self.tip_share * most;
-        let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
-        let n = nominal.len();
-        interrupt::checkpoint(8 * n);
-        let start = normals.len();
-        normals.resize(start + n, 0.0);
-        let normal = &mut normals[start..];
-        let [speed, drift] = measure(normal);
-        let left = kept - speed;
-        let upper = match range {
-            None => *rate * left,
-            Some(range) => {
-                robot.mass_solve(normal, scratch);
-                let jerk = TorqueRange::braking_jerk(range.jerk(normal, scratch));
-                let next = range.period * (dot(normal, present) + drift);
-                TorqueRange::most_acceleration(left - next, jerk, *rate)
-            }
-        };
-        bounds.push(dot(normal, nominal) + drift - upper);
-        normal.iter_mut().for_each(|x| *x = -*x);
-        speed
-    }
-
     /// M, row by row.
     fn find_masses<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let n = self.nominal.len();
@@ -499,22 +473,6 @@ impl Barrier {
         }
         if D == 3 && M < 6 && self.turning_weight > 0.0 {
             self.weigh_turning(robot);
-        }
-    }
-
-    /// Adds w_ω J_ωᵀJ_ω (T198): where the task leaves the tip free to turn, the least of motions that slows its turning would turn it
-    /// about the lightest axis of the wrist instead, another one in every period.
-    #[cold]
-    #[inline(never)]
-    fn weigh_turning<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
-        let Self { hessian, turning_weight, nominal, .. } = self;
-        let n = nominal.len();
-        interrupt::checkpoint(8 * n * n);
-        for i in 0..n {
-            let weighted = robot.turning_column(i) * *turning_weight;
-            for k in 0..=i {
-                hessian[i * n + k] += robot.turning_column(k).dot(&weighted);
-            }
         }
     }
 

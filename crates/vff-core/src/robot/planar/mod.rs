@@ -19,7 +19,7 @@ mod reach;
 pub use arm::{Link, PlanarArm};
 pub use reach::{Annulus, Reach};
 
-use super::{Limits, Manipulator, Matrices, Model, Robot, dense, pace};
+use super::{Limits, Manipulator, Matrices, Model, Robot, dense};
 use crate::geometry::Body;
 use crate::math::{Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
 use arm::capsule;
@@ -405,8 +405,9 @@ impl Robot<2> for PlanarState {
         -self.arm.gravity.dot(&first_moment)
     }
 
-    fn turning(&self, gradient: &mut [f64]) -> [f64; 2] {
-        pace::<_, 2, 3>(self, 2..3, gradient)
+    fn turning(&self) -> [Vector<3>; 2] {
+        [self.task_velocity::<3>(), self.task_bias_acceleration()]
+            .map(|twist| Vector::z() * twist.z)
     }
 
     fn turning_column(&self, _i: usize) -> Vector<3> {

@@ -9,7 +9,7 @@ use super::task::TaskForces;
 use super::{dense, task};
 use crate::geometry::{Body, ContactFeature, StillBody, contact_features, gap_between};
 use crate::math::{Pointing, SpatialPose, Vector};
-use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm, pace};
+use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -322,8 +322,9 @@ impl Robot<3> for SpatialState {
         -self.arm.gravity().dot(&(moment + self.arm.base() * self.arm.total_mass()))
     }
 
-    fn turning(&self, gradient: &mut [f64]) -> [f64; 2] {
-        pace::<_, 3, 6>(self, 3..6, gradient)
+    fn turning(&self) -> [Vector<3>; 2] {
+        let twists = [self.task_velocity::<6>(), self.task_bias_acceleration()];
+        twists.map(|twist| twist.fixed_rows::<3>(3).into_owned())
     }
 
     #[inline]
