@@ -23,7 +23,7 @@ from vffnull.arms._new import INNER, TRIED, _bent
 from vffnull.arms._read import _always
 from vffnull.arms._touching import spread
 from vffnull.cli import _commands
-from vffnull.errors import ScenarioError, ScenarioWarning
+from vffnull.errors import InputError, ScenarioError, ScenarioWarning
 from vffnull.model.arm import arm_of
 from vffnull.model.headline import findings
 
@@ -324,6 +324,39 @@ def test_shapes_that_touch_nothing_in_an_mjcf_are_told_of() -> None:
         vff.Arm.from_mjcf(xml)
     (said,) = [str(each.message) for each in told if "touch nothing" in str(each.message)]
     assert "all shapes of `upper` touch nothing" in said
+
+
+def chain_of_four(option: str = "", equality: str = "") -> str:
+    """An MJCF of four capsules, each 0.3 m beyond the last."""
+    shape = '<geom type="capsule" fromto="0 0 .05 0 0 .25" size=".05" mass="1"/>'
+    axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0")
+    bodies = "".join(
+        f'<body name="l{i}" pos="0 0 .3"><joint name="j{i}" axis="{axis}" range="-2 2"/>{shape}'
+        for i, axis in enumerate(axes)
+    )
+    world = f"<worldbody>{bodies}{'</body>' * 4}</worldbody>"
+    option = f'<option gravity="0 0 -9.81">{option}</option>'
+    return f'<mujoco><compiler angle="radian"/>{option}{world}<equality>{equality}</equality></mujoco>'
+
+
+@pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")
+def test_gravity_that_an_mjcf_turns_off() -> None:
+    """A controller pushed against a gravity that the plant does not have."""
+    weightless = vff.Arm.from_mjcf(chain_of_four('<flag gravity="disable"/>'))
+    assert not weightless.gravity_torque([0.1, 0.3, 0.2, 0.1]).any()
+    assert vff.Arm.from_mjcf(chain_of_four()).gravity_torque([0.1, 0.3, 0.2, 0.1]).any()
+
+
+@pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")
+def test_joints_that_an_mjcf_couples() -> None:
+    """As in a URDF: one on the arm is refused, one beside it follows."""
+    coupled = chain_of_four(equality='<joint joint1="j2" joint2="j1" polycoef="0.1 0.5 0 0 0"/>')
+    with pytest.raises(InputError, match="`j2` lies on the chain and mimics `j1`"):
+        vff.Arm.from_mjcf(coupled)
+    followed = vff.Arm.from_mjcf(coupled, tip="l0", locked={"j1": 0.2})
+    apart = vff.Arm.from_mjcf(chain_of_four(), tip="l0", locked={"j1": 0.2, "j2": 0.2})
+    np.testing.assert_allclose(followed.inertias, apart.inertias, atol=1e-15)
+    np.testing.assert_allclose(followed.com, apart.com, atol=1e-15)
 
 
 def test_an_mjcf_has_no_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

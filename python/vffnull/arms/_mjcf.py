@@ -121,13 +121,19 @@ def read_mjcf(
         locked,
         tool,
         mount,
-        model.opt.gravity if gravity is None else gravity,
+        _gravity(mujoco, model) if gravity is None else gravity,
         armature,
         fix_inertia,
         pairs,
     )
     reading = _core.reduce_tree(reader.tree(), asked)
     return finish(reading, collision, pieces, reader.mesh, source, srdf is not None)
+
+
+def _gravity(mujoco: Any, model: Any) -> Any:
+    """What acts on the bodies of a model [m/s²]."""
+    is_off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    return np.zeros(3) if is_off else model.opt.gravity
 
 
 def _import() -> Any:
@@ -158,6 +164,21 @@ class _Reader:
         self._mujoco = mujoco
         self._model = model
         self._warnings: list[str] = []
+        self._followed = self._couplings()
+
+    def _couplings(self) -> dict[int, dict[str, Any]]:
+        """The joints that an equality lets follow another one in proportion, and how."""
+        model, kind = self._model, int(self._mujoco.mjtEq.mjEQ_JOINT)
+        found = {}
+        for i in np.flatnonzero((model.eq_type == kind) & (model.eq_active0 != 0)):
+            follower, driver = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+            constant, slope, *rest = (float(x) for x in model.eq_data[i, :5])
+            if driver < 0 or any(rest):
+                continue
+            at, of = (float(model.qpos0[int(model.jnt_qposadr[joint])]) for joint in (follower, driver))
+            name = self._name("JOINT", driver) or f"joint {driver}"
+            found[follower] = {"joint": name, "multiplier": slope, "offset": at + constant - slope * of}
+        return found
 
     def tree(self) -> dict[str, Any]:
         """What the core reduces to a chain."""
@@ -271,6 +292,7 @@ class _Reader:
             "armature": float(model.dof_armature[address]),
             "damping": _scalar(model.dof_damping[address]),
             "friction": float(model.dof_frictionloss[address]),
+            "mimic": self._followed.get(i),
         }
 
     def _torque(self, joint: int) -> float:
@@ -345,10 +367,9 @@ class _Reader:
             self._warnings.append(
                 f"all shapes of {names} touch nothing (their contype and conaffinity are 0): left out"
             )
-        if model.neq:
-            self._warnings.append(
-                f"{model.neq} equality constraints are left out: joints that they couple are locked apart"
-            )
+        if model.neq > len(self._followed):
+            left = model.neq - len(self._followed)
+            self._warnings.append(f"{left} equality constraints are left out: what they couple moves apart")
         if model.ntendon:
             self._warnings.append(f"{model.ntendon} tendons are left out")
         if np.any(model.jnt_stiffness):

@@ -9,6 +9,7 @@ use super::index::Index;
 use super::role::Role;
 use super::srdf::disabled_pairs;
 use super::tree::{Geometry, Kind, Link, Tree, TreeJoint};
+use super::units::doubts;
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -195,6 +196,7 @@ impl Tree {
         if let Some(srdf) = &options.srdf {
             arm.ignore = ignored(&carriers, &geometry, &disabled_pairs(srdf)?);
         }
+        warnings.extend(doubts(&arm));
         let merged = carriers.into_iter().map(|carrier| (carrier.name, carrier.links)).collect();
         Ok(Reading { arm: arm.checked()?, geometry, locked, merged, warnings })
     }

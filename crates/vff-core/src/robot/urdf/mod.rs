@@ -12,6 +12,7 @@ mod parse;
 mod role;
 mod srdf;
 mod tree;
+mod units;
 
 pub use chain::{LinkGeometry, Options, Reading};
 pub use error::{UrdfError, Xml};

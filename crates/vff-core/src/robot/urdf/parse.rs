@@ -4,6 +4,7 @@ use super::super::description::Frame;
 use super::super::description_error::{self, DescriptionProblem};
 use super::super::inertia::Body;
 use super::super::inertia::{self, tensor};
+use super::super::names::list;
 use super::tree::{Form, Geometry, Kind, Link, Mimic, Tree, TreeJoint};
 use super::{MAX_BYTES, UrdfError, Xml};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -97,7 +98,52 @@ pub fn parse(text: &str) -> Result<Tree, UrdfError> {
             _ => {}
         }
     }
+    tree.warnings = odd(robot)?;
     Ok(tree)
+}
+
+/// What is read otherwise than it may be meant: roll, pitch and yaw in degrees, and stops that are not taken over.
+fn odd(robot: Node<'_, '_>) -> Result<Vec<String>, UrdfError> {
+    let (mut turned, mut softer) = (0, vec![]);
+    for node in robot.descendants().filter(Node::is_element) {
+        let place = "robot";
+        match node.tag_name().name() {
+            "origin" => {
+                let angles = numbers::<3>(node, "rpy", place)?.unwrap_or_default();
+                // 2π, rounded up.
+                turned += usize::from(angles.iter().any(|angle| angle.abs() > 6.3));
+            }
+            "joint" => {
+                let ends = |tag, keys: [&str; 2]| -> Result<_, UrdfError> {
+                    let Some(node) = child(node, tag) else { return Ok(None) };
+                    let [lower, upper] =
+                        [number(node, keys[0], place)?, number(node, keys[1], place)?];
+                    Ok(lower.zip(upper))
+                };
+                let soft = ends("safety_controller", ["soft_lower_limit", "soft_upper_limit"])?;
+                if let (Some(soft), Some(hard)) = (soft, ends("limit", ["lower", "upper"])?)
+                    && soft.0 < soft.1
+                    && (soft.0 > hard.0 || soft.1 < hard.1)
+                {
+                    softer.push(node.attribute("name").unwrap_or_default());
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut warnings = vec![];
+    if turned > 0 {
+        warnings.push(format!(
+            "rpy of {turned} <origin> is beyond a turn: it is read as radians; is it degrees?"
+        ));
+    }
+    if !softer.is_empty() {
+        warnings.push(format!(
+            "soft limits (<safety_controller>) of {} are left out: the stops are those of <limit>",
+            list(&softer)
+        ));
+    }
+    Ok(warnings)
 }
 
 fn child<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {

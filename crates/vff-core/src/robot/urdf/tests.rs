@@ -270,3 +270,36 @@ fn an_srdf_must_name_every_pair_of_parts() {
     let fault = fault(&text, &asked(srdf("<disable_collisions link1='world'/>")));
     assert!(fault.contains("link2 is missing"), "{fault}");
 }
+
+/// An arm of one joint that turns, with one value in another unit at a time.
+#[test]
+fn other_units_are_told_of() {
+    let plain = r#"<robot name="r"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 0.15" rpy="0 0 0"/>
+        <mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.3" rpy="1.5708 0 6.2832"/>
+        <axis xyz="0 0 1"/><limit lower="-6.3" upper="6.3" effort="50" velocity="2"/>
+        <safety_controller soft_lower_limit="-6.3" soft_upper_limit="6.3" k_velocity="10"/></joint></robot>"#;
+    let warnings = |from: &str, to: &str| {
+        assert!(plain.contains(from));
+        read(&plain.replace(from, to), &Options::default()).unwrap().warnings
+    };
+    assert_eq!(warnings("0.3", "0.3"), [""; 0]);
+    for (from, to, told) in [
+        (
+            r#" lower="-6.3" upper="6.3""#,
+            r#" lower="-170" upper="170""#,
+            "limits of `j` are beyond two turns",
+        ),
+        ("0 0 0.3", "0 0 300", "the arm is 300 m long"),
+        ("0.01", "10000", "moments of inertia of `arm`"),
+        ("1.5708 0", "90 0", "rpy of 1 <origin>"),
+        (
+            "soft_upper_limit=\"6.3\"",
+            "soft_upper_limit=\"0.5\"",
+            "soft limits (<safety_controller>) of `j`",
+        ),
+    ] {
+        let warnings = warnings(from, to);
+        assert!(warnings.len() == 1 && warnings[0].starts_with(told), "{to}: {warnings:?}");
+    }
+}
