@@ -40,6 +40,8 @@ fn obstacle(points: Vec<[f64; 3]>) -> Obstacle {
         angular_velocity: [0.0; 3],
         motion: Motion::default(),
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 

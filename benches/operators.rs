@@ -193,6 +193,8 @@ fn proximity(c: &mut Criterion) {
             angular_velocity: 0.0,
             motion: Motion::default(),
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         }]);
         let mut next = links.iter().cycle();
         group.bench_function(name, |b| {

@@ -629,6 +629,8 @@ fn disc(radius: f64, position: V, motion: Motion<2>) -> Obstacle {
         angular_velocity: 0.0,
         motion,
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 

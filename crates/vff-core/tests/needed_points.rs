@@ -64,6 +64,8 @@ proptest! {
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity: moving.into() },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         }]);
         world.swap_points(0, &mut Points::moving(given, &rates, None, [1.0, 0.0, 0.0, 0.0]));
         let of_point = |_: usize, point: &Vector<3>| {
@@ -73,7 +75,7 @@ proptest! {
         let (mut all, mut needed) = (vec![], vec![]);
         world.for_each_barrier([Body::new(0, link)], REACH, |contact| all.push(*contact));
         let coarsened = Cell::new(0);
-        let outlook = Outlook { rate: RATE, kept: KEPT, velocity: &of_point, coarsened: &coarsened };
+        let outlook = Outlook { rate: RATE, kept: KEPT, usual: KEPT, velocity: &of_point, coarsened: &coarsened };
         world.for_each_needed([Body::new(0, link)], REACH, &outlook, |contact| needed.push(*contact));
         prop_assert!(needed.iter().all(|contact| all.contains(contact)));
         prop_assert!(needed.is_sorted_by_key(|contact| all.iter().position(|other| other == contact)));

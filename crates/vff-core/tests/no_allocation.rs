@@ -82,6 +82,8 @@ fn text(task: &str, reference: &str, simulation: &str, projection: &str) -> Stri
         position = [3.0, 2.2]
         angle = 0.4
         motion = {{ kind = "linear", velocity = [0, -0.7] }}
+        margin = 0.06
+        margins = {{ link_6 = 0.01 }}
 
         [[obstacles]]
         shape = {{ kind = "polygon", vertices = [[0, 0], [0.3, 0], [0.1, 0.3]] }}
@@ -272,6 +274,8 @@ fn no_step_allocates_in_a_crowd() {
                 angular_velocity: if j % 5 == 0 { 2.0 } else { 0.0 },
                 motion: if j % 2 == 0 { Motion::Linear { velocity } } else { Motion::default() },
                 ignore: vec![],
+                margin: None,
+                margins: [].into(),
             });
         }
         let mut run = scenario.prepare().unwrap().run;
@@ -502,14 +506,14 @@ fn no_step_in_space_allocates() {
                 plant = {{ payload = {{ mass = 0.5 }} }}
                 obstacles = [
                     {{ shape = {{ kind = 'sphere', radius = 0.08 }}, position = [-0.05, -0.3, 0.62],
-                       motion = {{ kind = 'linear', velocity = [0.0, 0.2, 0.0] }} }},
+                       motion = {{ kind = 'linear', velocity = [0.0, 0.2, 0.0] }}, margin = 0.08 }},
                     {{ shape = {{ kind = 'capsule', a = [0.0, 0.0, 0.0], b = [0.3, 0.0, 0.0], radius = 0.05 }},
                        position = [0.2, 0.35, 0.6] }},
                     {{ shape = {{ kind = 'box', size = [0.2, 0.2, 0.2] }}, position = [0.6, 0.3, 0.3] }},
                     {{ shape = {{ kind = 'convex', vertices = [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]] }},
                        position = [0.5, -0.3, 0.4], angular_velocity = [0.0, 1.0, 2.0] }},
                     {{ shape = {{ kind = 'points', points = {points:?}, radius = 0.01 }}, position = [0.55, 0.25, 0.7],
-                       angular_velocity = [0.0, 0.0, 1.0] }},
+                       margins = {{ panda_link7 = 0.03 }}, angular_velocity = [0.0, 0.0, 1.0] }},
                     {{ shape = {{ kind = 'half_space', normal = [0.0, 0.0, 1.0] }}, position = [0.0, 0.0, 0.0] }} ]
                 controller = {{ task = '{task}', avoidance = '{avoidance}', self_collision = '{own}',
                     field = {{ kind = 'bounded', gain = 20.0, influence = 0.25 }},
@@ -601,6 +605,8 @@ fn no_exchange_of_points_allocates() {
         angular_velocity: [0.0; 3],
         motion: Motion::Static {},
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     };
     let points = |count| (0..count).map(|i| [f64::from(i), 0.0, 0.0]).collect::<Vec<_>>();
     for first in [0, 1, 2] {

@@ -117,6 +117,8 @@ fn table() -> Vec<Obstacle> {
         angular_velocity: [0.0; 3],
         motion: Motion::default(),
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }]
 }
 

@@ -26,6 +26,8 @@ fn obstacle(j: usize) -> Obstacle {
             _ => Motion::default(),
         },
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 

@@ -153,6 +153,8 @@ mod tests {
             angular_velocity: [0.0; 3],
             motion: Motion::Static {},
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         }])
     }
 

@@ -36,6 +36,8 @@ use std::ops::Range;
 ///     angular_velocity: 0.0,
 ///     motion: Motion::Static {},
 ///     ignore: vec![],
+///     margin: None,
+///     margins: [].into(),
 /// };
 /// controller.observe(&[0.0; 3], &[0.0; 3], &mut World::new(vec![disc]));
 /// let forces: &VirtualForces<PlanarWrench, 2> = controller.forces();
@@ -441,6 +443,7 @@ mod tests {
             body: 0,
             link: 0,
             obstacle: 0,
+            margin: crate::world::PairMargin::USUAL,
             distance: 0.3,
             normal,
             point: Vector::<2>::zeros(),

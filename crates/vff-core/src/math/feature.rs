@@ -19,10 +19,12 @@ use super::Vector;
 ///     angular_velocity: 0.0,
 ///     motion: Motion::Static {},
 ///     ignore: vec![],
+///     margin: None,
+///     margins: [].into(),
 /// };
 /// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.05);
 /// let contact = World::new(vec![disc]).contact(0, &Body::new(0, link), 0);
-/// assert_eq!(contact.pair(), Pair { body: 0, link: 0, obstacle: 0 });
+/// assert_eq!(contact.pair(), Pair::default());
 /// assert!((contact.distance - 0.25).abs() < 1e-15);
 /// assert!(matches!(contact.feature, Feature::Side { .. })); // beside the link, before neither of its ends
 /// ```

@@ -440,7 +440,7 @@ where
 
     fn add(&mut self, document: &Table) -> Result<(), ScenarioError> {
         let (obstacle, contact) = scenario::read_felt_obstacle::<S, D>(document)?;
-        scenario::known_ignored(&obstacle, &self.closed_loop().arm().link_names())?;
+        scenario::known_links(&obstacle, &self.closed_loop().arm().link_names())?;
         self.closed_loop_mut().add_obstacle(&obstacle, contact);
         Ok(())
     }

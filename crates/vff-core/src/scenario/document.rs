@@ -9,7 +9,7 @@
 use super::error::{Problem, ScenarioError};
 use super::notes::{Answer, Keys, Kind, Note, Repeated};
 use crate::interrupt;
-use serde::de::value::StrDeserializer;
+use serde::de::value::{MapDeserializer, StrDeserializer};
 use serde::de::{self, DeserializeSeed, Deserializer, Error, Expected, Unexpected};
 use serde::forward_to_deserialize_any;
 use std::sync::LazyLock;
@@ -94,6 +94,7 @@ fn in_words(expected: &str) -> String {
         "f64" => "a number".into(),
         "usize" | "u64" => "a whole number, 0 or more".into(),
         "a sequence" => "a list".into(),
+        "a map" => "a table".into(),
         other if other.starts_with("struct ") || other.starts_with("struct variant ") => {
             "a table".into()
         }
@@ -143,6 +144,9 @@ impl<'de> Deserializer<'de> for Node<'de, '_> {
                 let expected = (&visitor as &dyn Expected).to_string();
                 return match note.any(&expected).map_err(ScenarioError::custom)? {
                     Answer::Sphere => visitor.visit_map(Entries::of(&SPHERE, None)),
+                    Answer::Nothing => {
+                        visitor.visit_map(MapDeserializer::new(iter::empty::<(&str, f64)>()))
+                    }
                     Answer::Number => visitor.visit_f64(1.0),
                     Answer::List(values) => visitor.visit_seq(&mut Items::Asked(values)),
                 };

@@ -9,6 +9,7 @@ mod dispatch;
 mod document;
 mod error;
 mod json_schema;
+mod links_of_obstacles;
 mod look_ahead;
 mod notes;
 mod numbers;
@@ -26,6 +27,7 @@ pub use any_scene::AnyScene;
 pub(crate) use dispatch::dispatch;
 pub use error::{Problem, ScenarioError};
 pub use json_schema::json_schema;
+pub(crate) use links_of_obstacles::{key_of_links, known_links};
 pub(crate) use numbers::length as numbers_of;
 pub(crate) use numbers::{each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
@@ -33,7 +35,7 @@ pub(crate) use prepare::unusable;
 pub use scene::{CheckReach, FromDocument, ObstacleOf, Scene};
 pub use space::{LoadSpec, PayloadSpec, SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use tables::WhereUnreachable;
-pub(crate) use validate::{known_ignored, no_such_link, not_in_the_plane};
+pub(crate) use validate::{no_such_link, not_in_the_plane};
 pub use warnings::sampling_bounds;
 pub(crate) use warnings::{misread_obstacle, misread_scene};
 
@@ -520,8 +522,8 @@ impl Scenario {
         let mut barriers = 0;
         for (j, obstacle) in scene.obstacles.iter().enumerate() {
             S::validate_obstacle(obstacle)
-                .and_then(|()| known_ignored(obstacle, &links))
-                .and_then(|()| self.knows_what_is_ignored(obstacle))
+                .and_then(|()| known_links(obstacle, &links))
+                .and_then(|()| self.knows_what_links_keep(obstacle))
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
             barriers += S::Geometry::new(obstacle).barriers();
         }
@@ -541,15 +543,15 @@ impl Scenario {
         self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal)
     }
 
-    /// Whether the controller knows which obstacle is which, if this one is to be ignored by some links.
-    fn knows_what_is_ignored<const D: usize>(
+    /// Whether the controller knows which obstacle is which, if this one says something of links.
+    fn knows_what_links_keep<const D: usize>(
         &self,
         obstacle: &impl Description<D>,
     ) -> Result<(), ScenarioError> {
-        if self.knows_obstacles() || obstacle.ignored().is_empty() {
+        let Some(key) = key_of_links(obstacle).filter(|_| !self.knows_obstacles()) else {
             return Ok(());
-        }
+        };
         let problem = "needs obstacles that are known, without `perception`: points do not say whose they are";
-        Err(ScenarioError::new("ignore", Problem::Other(problem.into())))
+        Err(ScenarioError::new(key, Problem::Other(problem.into())))
     }
 }

@@ -27,6 +27,8 @@ pub enum Kind {
     Tuple(usize, Box<Kind>),
     /// A table.
     Table(Vec<Key>),
+    /// A table of numbers by names that somebody gives, as those of links.
+    NumbersByName,
     /// A table whose `kind` says which keys it has, told in words only.
     AnyTable,
     /// One of these names, with a table of further keys where a variant has some.
@@ -115,6 +117,8 @@ pub struct Note<'a> {
 
 /// What to answer where a type takes any value and only says in words what it expects.
 pub enum Answer<'a> {
+    /// A table without entries.
+    Nothing,
     /// A sphere: a table whose keys are told in words only.
     Sphere,
     /// A number.
@@ -144,6 +148,10 @@ impl<'a> Note<'a> {
         if expected == "struct PlacedShape" {
             self.write(Kind::AnyTable);
             return Ok(Answer::Sphere);
+        }
+        if expected == "a map" {
+            self.write(Kind::NumbersByName);
+            return Ok(Answer::Nothing);
         }
         if expected == format!("a number or \"{UNLIMITED}\"") {
             self.write(Kind::Number);

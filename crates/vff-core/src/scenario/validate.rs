@@ -23,7 +23,7 @@ use crate::simulation::{
     ReplanSettings, Wrench,
 };
 use crate::trajectory::GovernorSettings;
-use crate::world::{Description, Interpolation, LOAD, Motion};
+use crate::world::{Interpolation, Motion};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Debug;
 use toml::{Table, Value};
@@ -150,22 +150,6 @@ pub fn wrenches<const D: usize>(given: &[Wrench<D>]) -> Validated {
 /// What is said of a link that an arm does not have.
 pub fn no_such_link(given: &str, allowed: Vec<String>) -> ScenarioError {
     ScenarioError::new("link", Problem::UnknownChoice { given: given.into(), allowed })
-}
-
-/// The links that an obstacle is to ignore, among `links` of an arm.
-pub fn known_ignored<const D: usize>(
-    obstacle: &impl Description<D>,
-    links: &[String],
-) -> Validated {
-    let allowed = || links.iter().map(String::as_str).chain([LOAD]);
-    for (k, given) in obstacle.ignored().iter().enumerate() {
-        if !allowed().any(|name| name == given) {
-            let (given, allowed) = (given.clone(), allowed().map(String::from).collect());
-            let problem = Problem::UnknownChoice { given, allowed };
-            return Err(ScenarioError::new(format!("ignore[{k}]"), problem));
-        }
-    }
-    Ok(())
 }
 
 /// `[measurement]` of n joints, with plant steps of `dt` \[s\]; `sampled` unless control is continuous.

@@ -372,7 +372,16 @@ pub(super) mod tests {
                 {
                     *angles = vec![angle, angle - other, other, angle];
                 }
-                Obstacle { shape, position, angle, angular_velocity, motion, ignore: vec![] }
+                Obstacle {
+                    shape,
+                    position,
+                    angle,
+                    angular_velocity,
+                    motion,
+                    ignore: vec![],
+                    margin: None,
+                    margins: [].into(),
+                }
             },
         )
     }
@@ -435,6 +444,8 @@ pub(super) mod tests {
                     angular_velocity: 0.0,
                     motion,
                     ignore: vec![],
+                    margin: None,
+                    margins: [].into(),
                 }
             })
             .collect();
@@ -456,6 +467,8 @@ pub(super) mod tests {
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [1.0, 0.0] },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let obstacles: Vec<_> = (0..50).map(|j| disc(f64::from(j))).collect();
         for value in [f64::NAN, f64::INFINITY, 1e200, f64::MAX] {

@@ -1,6 +1,6 @@
 //! The nearest pair of points between a body of the robot and an obstacle.
 
-use super::Spin;
+use super::{PairMargin, Spin};
 use crate::math::{Feature, Vector};
 
 /// Where a body of the robot and an obstacle come nearest, in the world frame.
@@ -22,6 +22,8 @@ use crate::math::{Feature, Vector};
 ///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Linear { velocity: [0.0, -0.3, 0.0] },
 ///     ignore: vec![],
+///     margin: None,
+///     margins: [].into(),
 /// };
 /// let link = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.4), 0.05);
 /// let Contact { distance, normal, velocity, .. } = World::new(vec![ball]).contact(0, &Body::new(0, link), 0);
@@ -37,6 +39,8 @@ pub struct Contact<const D: usize> {
     pub link: usize,
     /// Index of the obstacle.
     pub obstacle: usize,
+    /// What the two keep.
+    pub margin: PairMargin,
     /// Signed distance between the two surfaces \[m\], negative when they overlap.
     pub distance: f64,
     /// Unit vector from the obstacle towards the link: the shortest way out.
@@ -58,7 +62,7 @@ pub struct Contact<const D: usize> {
 }
 
 /// What meets: a body of the robot and an obstacle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Pair {
     /// Index of the body.
     pub body: usize,
@@ -66,13 +70,15 @@ pub struct Pair {
     pub link: usize,
     /// Index of the obstacle.
     pub obstacle: usize,
+    /// What the two keep.
+    pub margin: PairMargin,
 }
 
 impl<const D: usize> Contact<D> {
     /// What meets here.
     #[inline]
     pub fn pair(&self) -> Pair {
-        let Self { body, link, obstacle, .. } = *self;
-        Pair { body, link, obstacle }
+        let Self { body, link, obstacle, margin, .. } = *self;
+        Pair { body, link, obstacle, margin }
     }
 }

@@ -23,7 +23,6 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
     meet: &mut Meet<'_, S, D>,
 ) -> f64 {
     let carrier = Carrier::of(body);
-    let pair = |obstacle| Pair { body: index, link: body.link, obstacle };
     let has_broad_phase = matches!(named, Named::BroadPhase(_));
     let mut within = reach;
     loop {
@@ -43,8 +42,8 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
             // False where it is undefined.
             let is_farther = obstacle.distance_below(around, bound) >= bound;
             if !is_farther {
-                let state = &obstacle.state;
-                let found = obstacle.hull_contact(pair(j), hull, around, state, obstacle.turn());
+                let (state, pair) = (&obstacle.state, obstacle.pair(index, carrier, j));
+                let found = obstacle.hull_contact(pair, hull, around, state, obstacle.turn());
                 keep_least(&mut least, found.distance);
             }
         }
@@ -58,7 +57,7 @@ pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
                 let obstacle = &obstacles[j];
                 let is_far = obstacle.distance_below(around, reach) >= reach;
                 if !is_far {
-                    meet(pair(j), obstacle, obstacle.turn());
+                    meet(obstacle.pair(index, carrier, j), obstacle, obstacle.turn());
                 }
             }
         }

@@ -14,6 +14,7 @@ mod contact;
 mod curve;
 mod hierarchy;
 mod hull_query;
+mod margin;
 mod motion;
 mod obstacle_geometry;
 #[cfg(test)]
@@ -30,6 +31,7 @@ mod within;
 pub use crate::math::Feature;
 pub use broad_phase::HORIZON;
 pub use contact::{Contact, Pair};
+pub use margin::PairMargin;
 pub use motion::{Interpolation, Motion, MotionState};
 pub use obstacle_geometry::{Asked, Description, Hierarchy, ObstacleGeometry, top_speed};
 pub use outlook::{Ahead, Outlook};
@@ -62,6 +64,8 @@ pub(crate) use crate::math::RELIEF;
 ///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Linear { velocity: [0.0, -0.5, 0.0] },
 ///     ignore: vec![],
+///     margin: None,
+///     margins: [].into(),
 /// };
 /// let mut world = World::new(vec![ball]);
 /// world.update(1.0);
@@ -80,6 +84,8 @@ pub struct World<S: ObstacleGeometry<D>, const D: usize> {
     barriers: usize,
     /// The most barriers that a hull can have.
     hull_barriers: usize,
+    /// The largest margin of its own that a pair has \[m\]; 0 if none has one.
+    most_margin: f64,
     /// The present instant \[s\].
     time: f64,
     /// Which obstacles are asked, where these are not simply all of them, none of which turns.
@@ -101,7 +107,7 @@ enum Named<S: ObstacleGeometry<D>, const D: usize> {
     /// All of them; none turns.
     #[default]
     All,
-    /// All that are not hidden, and some turn, are hidden, ignored or have many contacts. They are numbered here.
+    /// All that are not hidden, and some turn, are hidden, ignored, have many contacts or margins of their own. They are numbered here.
     Each(Vec<usize>),
     /// Those that may be near, where they are too many to ask each.
     BroadPhase(Box<BroadPhase<S, D>>),
@@ -111,7 +117,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Named<S, D> {
     /// All of these, with `room` for their numbers. Room that is there is not given back: a loop may be running.
     fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
         let is_plain = |it: &Placed<S, D>| {
-            let is_measured = !it.is_hidden && it.ignored.is_empty();
+            let is_measured = !it.is_hidden && it.ignored.is_empty() && it.margins.is_empty();
             it.turned.is_none() && it.geometry.contacts() == 1 && is_measured
         };
         if room.capacity() == 0 && obstacles.iter().all(is_plain) {
@@ -133,6 +139,12 @@ fn most_of<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[Placed<S, D>]) -
         most(ObstacleGeometry::barriers),
         most(ObstacleGeometry::hull_barriers),
     ]
+}
+
+/// The largest margin of its own that a pair has \[m\]; 0 if none has one.
+fn most_margin<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> f64 {
+    let own = obstacles.iter().flat_map(|obstacle| &obstacle.margins);
+    own.map(|margin| margin.or(0.0)).fold(0.0, f64::max)
 }
 
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
@@ -161,8 +173,17 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             Named::each(&obstacles, vec![])
         };
         let [contacts, barriers, hull_barriers] = most_of(&obstacles);
-        let remembered = [f64::INFINITY; REMEMBERED];
-        Self { obstacles, moving, contacts, barriers, hull_barriers, time: 0.0, named, remembered }
+        Self {
+            most_margin: most_margin(&obstacles),
+            obstacles,
+            moving,
+            contacts,
+            barriers,
+            hull_barriers,
+            time: 0.0,
+            named,
+            remembered: [f64::INFINITY; REMEMBERED],
+        }
     }
 
     /// What stands still, and what moves or turns, as worlds of their own at t = 0. Allocates.
@@ -332,17 +353,16 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     }
 
     /// From now on, links are not measured against obstacles that [`ignore`](Description::ignored) them: no question for contacts,
-    /// no plan. Rays find them, and [`contact`](Self::contact) has them. Allocates.
+    /// no plan. Rays find them, and [`contact`](Self::contact) has them. And pairs have the margins that obstacles
+    /// [say](Description::margin_of). Allocates.
     ///
     /// # Arguments
     /// * `links`: what the links of the arm are called, from the base on.
     pub fn know_links(&mut self, links: &[String]) {
         for obstacle in &mut self.obstacles {
-            let names = obstacle.description.ignored();
-            let all = links.iter().map(String::as_str).chain([LOAD]);
-            let ignored = all.map(|link| names.iter().any(|name| name == link));
-            obstacle.ignored = if names.is_empty() { vec![] } else { ignored.collect() };
+            obstacle.know_links(links);
         }
+        self.most_margin = most_margin(&self.obstacles);
         if !matches!(self.named, Named::BroadPhase(_)) {
             self.named = Named::each(&self.obstacles, vec![]);
         }
@@ -396,6 +416,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         };
         self.named = Named::each(&self.obstacles, room);
         [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
+        self.most_margin = most_margin(&self.obstacles);
         self.list_moving();
         for obstacle in &mut self.obstacles {
             obstacle.move_to(self.time);

@@ -4,10 +4,11 @@
 //! of shapes: a space brings a description of its obstacles, an [`ObstacleGeometry`] made of it, and a
 //! [`Hierarchy`] of boxes for the broad phase.
 
-use super::{Ahead, Contact, Motion, MotionState, Pair, Turn, Turning};
+use super::{Ahead, Contact, Motion, MotionState, Pair, PairMargin, Turn, Turning};
 use crate::geometry::PlacedHull;
 use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, Vector};
+use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 /// What is said of an obstacle: a shape, where it starts and how it moves.
@@ -33,6 +34,19 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
     fn set_motion(&mut self, motion: Motion<D>);
     /// The links that are not measured against it, by name, and [`LOAD`](super::LOAD) for what the arm carries.
     fn ignored(&self) -> &[String];
+    /// What every link keeps from it \[m\], if that is not the usual margin.
+    fn margin(&self) -> Option<f64>;
+    /// What links keep from it \[m\], by name, and [`LOAD`](super::LOAD), where that is another.
+    fn margins(&self) -> &BTreeMap<String, f64>;
+    /// Whether some links may touch it, or keep other margins from it than the usual one.
+    fn says_something_of_links(&self) -> bool {
+        !(self.ignored().is_empty() && self.margins().is_empty() && self.margin().is_none())
+    }
+    /// What the link of this name, or [`LOAD`](super::LOAD), keeps from it.
+    fn margin_of(&self, link: &str) -> PairMargin {
+        let own = self.margins().get(link).copied().or(self.margin());
+        own.map_or(PairMargin::USUAL, PairMargin::own)
+    }
 }
 
 /// The shape of an obstacle made ready for queries, relative to its position and in the orientation that is described. It
@@ -201,7 +215,7 @@ pub trait ObstacleGeometry<const D: usize>: Clone + Debug + Send + 'static {
                 return distance;
             }
         }
-        let contact = self.contact(Pair { body: 0, link: 0, obstacle: 0 }, around, state);
+        let contact = self.contact(Pair::default(), around, state);
         *plane = -contact.normal;
         contact.distance
     }

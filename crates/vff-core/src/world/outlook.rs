@@ -1,6 +1,6 @@
 //! What a program that keeps distances reckons with, from which follows which of many distances it needs (T157).
 
-use super::{MotionState, Turn};
+use super::{MotionState, Pair, Turn};
 use crate::math::{Capsule, Vector};
 use std::cell::Cell;
 
@@ -20,7 +20,7 @@ const UNHARMED_UP_TO: f64 = 160.0;
 ///
 /// let coarsened = Cell::new(0);
 /// let still = |_: usize, _: &Vector<3>| Vector::<3>::zeros();
-/// let outlook = Outlook { rate: 10.0, kept: 0.02, velocity: &still, coarsened: &coarsened };
+/// let outlook = Outlook { rate: 10.0, kept: 0.02, usual: 0.02, velocity: &still, coarsened: &coarsened };
 /// let ahead = Ahead::<3> {
 ///     kept: outlook.kept,
 ///     horizon: 2.0 / outlook.rate,
@@ -35,8 +35,11 @@ const UNHARMED_UP_TO: f64 = 160.0;
 pub struct Outlook<'a, const D: usize> {
     /// k \[1/s\].
     pub rate: f64,
-    /// What is kept of a distance at most \[m\].
+    /// What is kept of a distance at most \[m\]; of pairs with margins of their own in the [`share`](super::PairMargin::share) that these
+    /// have of `usual` \[m\].
     pub kept: f64,
+    /// See `kept`.
+    pub usual: f64,
     /// The velocity of a point that is fixed to a link \[m/s\].
     pub velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
     /// Points that were taken for implied by others only because there is no room for more.
@@ -61,17 +64,18 @@ pub struct Ahead<'a, const D: usize> {
 }
 
 impl<const D: usize> Outlook<'_, D> {
-    /// For `link` with this axis and an obstacle in this state, turned so.
+    /// For a pair, the link of which has this axis, and an obstacle in this state, turned so.
     pub(super) fn ahead(
         &self,
-        link: usize,
+        pair: &Pair,
         axis: &Capsule<D>,
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
     ) -> Ahead<'_, D> {
-        let Self { rate, kept, velocity, coarsened } = *self;
+        let Self { rate, kept, usual, velocity, coarsened } = *self;
+        let kept = kept * pair.margin.share(usual);
         let shift = [axis.start, axis.end()].map(|end| {
-            let seen = velocity(link, &end) - state.velocity;
+            let seen = velocity(pair.link, &end) - state.velocity;
             let Some(turn) = turn else { return seen * (2.0 / rate) };
             let carried = turn.spin.rate_of(&(end - state.position));
             turn.rotation.tr_mul(&(seen - carried)) * (2.0 / rate)

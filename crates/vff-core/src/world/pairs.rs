@@ -1,6 +1,6 @@
 //! The nearest points of one body and one obstacle, and of all of them in pairs.
 
-use super::{Carrier, Contact, ObstacleGeometry, Pair, World};
+use super::{Carrier, Contact, ObstacleGeometry, World};
 use crate::geometry::Body;
 
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
@@ -24,7 +24,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             moved = obstacle.moved_to(self.time);
             &moved
         };
-        let pair = Pair { body: index, link: body.link, obstacle: j };
+        let pair = obstacle.pair(index, Carrier::of(body), j);
         let turn = obstacle.turn_at(self.time);
         let probe = S::probe(&body.shape);
         match &body.hull {

@@ -1,13 +1,13 @@
 //! An obstacle where it is at an instant, and what it is asked there.
 
 use super::{
-    Asked, Contact, Description, Motion, MotionState, ObstacleGeometry, Outlook, Pair, Turn,
-    Turning,
+    Asked, Contact, Description, LOAD, Motion, MotionState, ObstacleGeometry, Outlook, Pair,
+    PairMargin, Turn, Turning,
 };
 use crate::geometry::{Body, PlacedHull};
 use crate::math::Vector;
 
-/// Who carries a body: what an obstacle may be told to ignore.
+/// Who carries a body: what an obstacle may be told to ignore, or to keep at a margin of its own.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Carrier {
     pub(super) link: usize,
@@ -21,11 +21,11 @@ impl Carrier {
     }
 }
 
-/// Whether a carrier is one of these links, or the load that is the last of them.
+/// What is said of a carrier in a list of all links, or of the load, which is the last of them.
 #[inline(never)] // few are asked
-fn is_among(ignored: &[bool], Carrier { link, is_load }: Carrier) -> bool {
-    let Some((load, links)) = ignored.split_last() else { return false };
-    if is_load { *load } else { links.get(link).is_some_and(|it| *it) }
+fn said_of<T: Copy + Default>(all: &[T], Carrier { link, is_load }: Carrier) -> T {
+    let Some((load, links)) = all.split_last() else { return T::default() };
+    if is_load { *load } else { links.get(link).copied().unwrap_or_default() }
 }
 
 /// What goes no faster rests, if it does not turn \[m/s\].
@@ -53,6 +53,8 @@ pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) is_hidden: bool,
     /// Which links are not measured against it, and last what the arm carries; empty if none is.
     pub(super) ignored: Vec<bool>,
+    /// What these keep from it; empty if all keep what is usual.
+    pub(super) margins: Vec<PairMargin>,
 }
 
 /// How an obstacle turns, and how it is turned at the instant of its state.
@@ -77,6 +79,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             room: 0,
             is_hidden: false,
             ignored: vec![],
+            margins: vec![],
             description,
         };
         this.is_static = this.stands_still();
@@ -87,7 +90,33 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
     /// Whether what `carrier` carries is not measured against it.
     #[inline]
     pub(super) fn is_ignored_by(&self, carrier: Carrier) -> bool {
-        !self.ignored.is_empty() && is_among(&self.ignored, carrier)
+        !self.ignored.is_empty() && said_of(&self.ignored, carrier)
+    }
+
+    /// What `carrier` keeps from it.
+    #[inline]
+    pub(super) fn margin_of(&self, carrier: Carrier) -> PairMargin {
+        if self.margins.is_empty() { PairMargin::USUAL } else { said_of(&self.margins, carrier) }
+    }
+
+    /// A body of the robot, by its number, and this obstacle, by its own.
+    #[inline]
+    pub(super) fn pair(&self, body: usize, carrier: Carrier, obstacle: usize) -> Pair {
+        Pair { body, link: carrier.link, obstacle, margin: self.margin_of(carrier) }
+    }
+
+    /// Takes in what the links of the arm are called.
+    pub(super) fn know_links(&mut self, links: &[String]) {
+        let Self { description, ignored, margins, .. } = self;
+        ignored.clear();
+        margins.clear();
+        let all = || links.iter().map(String::as_str).chain([LOAD]);
+        if !description.ignored().is_empty() {
+            ignored.extend(all().map(|link| description.ignored().iter().any(|it| it == link)));
+        }
+        if description.margin().is_some() || !description.margins().is_empty() {
+            margins.extend(all().map(|link| description.margin_of(link)));
+        }
     }
 
     /// Whether it neither moves nor turns, nor any part of it.
@@ -363,7 +392,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         outlook: &Outlook<'_, D>,
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        let ahead = outlook.ahead(pair.link, &S::body(link), state, turn);
+        let ahead = outlook.ahead(&pair, &S::body(link), state, turn);
         let Some(turn) = turn else {
             return self.geometry.for_each_needed(pair, link, state, reach, &ahead, visit);
         };

@@ -29,6 +29,8 @@ const ROUNDING: f64 = 1e-9;
 ///     angular_velocity: 0.0,
 ///     motion: Motion::Static {},
 ///     ignore: vec![],
+///     margin: None,
+///     margins: [].into(),
 /// };
 /// let mut world = World::new(vec![disc(0.2), disc(3.0)]);
 /// assert_eq!(world.obstacle_count(), 2);
@@ -69,6 +71,11 @@ pub trait CollisionQuery<const D: usize> {
     /// The most barriers that one body can have.
     fn barrier_count(&self) -> usize {
         self.contact_count()
+    }
+
+    /// The largest margin of its own that a pair has \[m\]; 0 if none has one.
+    fn most_margin(&self) -> f64 {
+        0.0
     }
 
     /// The most barriers that one hull can have.
@@ -226,7 +233,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                 distance(link, least);
                 if least < reach {
                     for (j, obstacle) in obstacles.iter().enumerate() {
-                        meet(Pair { body: index, link, obstacle: j }, &probe, None, obstacle, None);
+                        let pair = obstacle.pair(index, Carrier::of(&body), j);
+                        meet(pair, &probe, None, obstacle, None);
                     }
                 }
             }
@@ -262,7 +270,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             if searched && limit <= reach && limit.is_finite() {
                 interrupt::checkpoint(work);
                 for j in near() {
-                    let (pair, obstacle) = (Pair { body: index, link, obstacle: j }, &obstacles[j]);
+                    let obstacle = &obstacles[j];
+                    let pair = obstacle.pair(index, carrier, j);
                     meet(pair, &probe, None, obstacle, obstacle.turn());
                 }
                 continue;
@@ -286,7 +295,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             if least < reach {
                 interrupt::checkpoint(work);
                 for j in near() {
-                    let (pair, obstacle) = (Pair { body: index, link, obstacle: j }, &obstacles[j]);
+                    let obstacle = &obstacles[j];
+                    let pair = obstacle.pair(index, carrier, j);
                     meet(pair, &probe, None, obstacle, obstacle.turn());
                 }
             }
@@ -383,6 +393,10 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.barriers
     }
 
+    fn most_margin(&self) -> f64 {
+        self.most_margin
+    }
+
     fn foreseen(&self, obstacle: usize) -> Option<f64> {
         self.obstacles[obstacle].foreseen()
     }
@@ -429,7 +443,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         if placed.geometry.contacts() == 1 || body.hull.is_some() {
             return self.for_each_contact_after(index, body, obstacle, after, reach, visit, |_| {});
         }
-        let pair = Pair { body: index, link: body.link, obstacle };
+        let pair = placed.pair(index, Carrier::of(body), obstacle);
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
         let turn = placed.turn_after(self.time, after);
         placed.for_each_needed(pair, &probe, &state, turn.as_ref(), reach, outlook, visit);
@@ -451,8 +465,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         if is_simple || placed.is_ignored_by(Carrier::of(body)) {
             return self.for_each_contact_after(index, body, obstacle, after, reach, visit, take);
         }
-        let Body { link, shape, .. } = body;
-        let pair = Pair { body: index, link: *link, obstacle };
+        let shape = &body.shape;
+        let pair = placed.pair(index, Carrier::of(body), obstacle);
         let state = placed.state_after(self.time, after);
         let turn = placed.turn_after(self.time, after);
         let contact =
@@ -497,7 +511,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         take: impl Fn(&Contact<D>) -> T,
     ) -> T {
         let placed = &self.obstacles[obstacle];
-        let pair = Pair { body: index, link: body.link, obstacle };
+        let pair = placed.pair(index, Carrier::of(body), obstacle);
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
         // Most are like this: apart, so that nothing is computed that the caller does not ask for.
         let is_simple = placed.turned.is_none() && placed.ignored.is_empty();

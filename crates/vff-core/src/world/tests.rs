@@ -1,7 +1,8 @@
 use super::plane::{Obstacle, Shape, World};
-use super::{CollisionQuery, Contact, LOAD, Motion};
+use super::{CollisionQuery, Contact, LOAD, Motion, PairMargin};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
+use std::cell::RefCell;
 
 fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
     Obstacle {
@@ -11,6 +12,8 @@ fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
         angular_velocity: 0.0,
         motion,
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 
@@ -224,5 +227,61 @@ fn links_do_not_find_what_ignores_them() {
         let mut pairs = 0;
         world.for_each_pair([Body { is_load, ..link }], |_| pairs += 1);
         assert_eq!(pairs, usize::from(!is_load));
+    }
+}
+
+/// Whatever is asked: contacts say what the pair keeps, among few and in a crowd.
+#[test]
+fn contacts_say_what_is_kept() {
+    let links = ["link_1", "link_2", "link_3"].map(String::from);
+    for count in [6, 40] {
+        let x = |k: usize| f64::from(u32::try_from(k).unwrap());
+        let kept = |k: usize| Obstacle {
+            ignore: if k == 5 { vec![links[0].clone()] } else { vec![] },
+            margin: (k % 3 > 0).then_some(0.01 * x(k % 3)),
+            margins: if k % 2 > 0 { [(links[1].clone(), 0.1)].into() } else { [].into() },
+            ..disc([0.1 * x(k), 0.3 + 0.05 * x(k)], Motion::default())
+        };
+        let expected = |k: usize, link: usize, is_load: bool| match (k % 2, k % 3) {
+            (1, _) if link == 1 && !is_load => PairMargin::own(0.1),
+            (_, 0) => PairMargin::USUAL,
+            (_, thirds) => PairMargin::own(0.01 * x(thirds)),
+        };
+        let mut world = World::new((0..count).map(kept).collect());
+        assert_eq!(world.most_margin(), 0.0, "nobody knows the links yet");
+        world.know_links(&links);
+        assert_eq!(world.most_margin(), 0.1);
+        assert_eq!(world.only([0, 2]).most_margin(), 0.02);
+        for (link, is_load) in [(0, false), (1, false), (2, false), (1, true)] {
+            let start = Vector::<2>::new(x(link), 0.0);
+            let capsule = Capsule::new(start, start + Vector::<2>::new(1.0, 0.0), 0.05);
+            let body = Body { is_load, ..Body::new(link, capsule) };
+            let told = RefCell::new(0);
+            let check = |contact: &Contact<2>| {
+                *told.borrow_mut() += 1;
+                let Contact { obstacle, margin, .. } = *contact;
+                assert_eq!(margin, expected(obstacle, link, is_load), "{obstacle}, {link}");
+                assert_eq!(contact.pair().margin, margin);
+            };
+            world.for_each_contact([body], 3.0, |_, _| {}, check);
+            world.for_each_barrier([body], 3.0, check);
+            world.for_each_pair([body], check);
+            assert!(*told.borrow() > 5);
+            let (mut own, mut least) = (vec![], f64::INFINITY);
+            world.for_each_own_margin(&body, |margin, distance| own.push((margin, distance)));
+            world.for_each_pair([body], |contact| {
+                if contact.margin == PairMargin::USUAL {
+                    least = least.min(contact.distance);
+                } else {
+                    assert!(own.contains(&(contact.margin, contact.distance)));
+                }
+            });
+            let boxes = world.boxes();
+            assert_eq!(world.usual_distance_within(&boxes, &body, f64::INFINITY), least);
+            for j in 0..count {
+                check(&world.contact_after(0, &body, j, 0.1));
+                assert_eq!(world.margin_of(j, &body), expected(j, link, is_load));
+            }
+        }
     }
 }

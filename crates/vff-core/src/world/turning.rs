@@ -356,6 +356,8 @@ mod tests {
                 angular_velocity: [0.0; 3],
                 motion,
                 ignore: vec![],
+                margin: None,
+                margins: [].into(),
             };
             let motion = Motion::Linear { velocity };
             let mut world =
@@ -509,6 +511,8 @@ mod tests {
             angular_velocity,
             motion: Motion::default(),
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let mut world = plane::World::new(vec![bar(0.0, [9.0, 0.0]), bar(1.0, [0.0, 0.0])]);
         let probe = |x: f64, y: f64| {

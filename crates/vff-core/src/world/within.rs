@@ -1,7 +1,7 @@
 //! How far bodies are from what is nearest, where it is nearer than a limit: boxes around obstacles tell that most are not.
 
 use super::broad_phase::{box_of, widened};
-use super::{Carrier, ObstacleGeometry, Pair, World};
+use super::{Carrier, ObstacleGeometry, Pair, PairMargin, Placed, World};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 
@@ -33,6 +33,24 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         )
     }
 
+    /// What `body` keeps from obstacle `j`.
+    pub fn margin_of(&self, j: usize, body: &Body<'_, D>) -> PairMargin {
+        self.obstacles[j].margin_of(Carrier::of(body))
+    }
+
+    /// Calls `visit` with every margin of its own that `body` keeps from something, and how far it is from that \[m\]: of pairs that
+    /// are measured against each other.
+    pub fn for_each_own_margin(&self, body: &Body<'_, D>, mut visit: impl FnMut(PairMargin, f64)) {
+        let carrier = Carrier::of(body);
+        for j in 0..self.obstacles.len() {
+            let obstacle = &self.obstacles[j];
+            let margin = obstacle.margin_of(carrier);
+            if margin.is_own() && !obstacle.is_hidden && !obstacle.is_ignored_by(carrier) {
+                visit(margin, self.contact(0, body, j).distance);
+            }
+        }
+    }
+
     /// The distance of `body` from what is nearest and not hidden \[m\], if it is less than `limit`; otherwise ∞. NaN for a body that is nowhere.
     ///
     /// # Arguments
@@ -43,11 +61,35 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         body: &Body<'_, D>,
         limit: f64,
     ) -> f64 {
+        self.distance_of_those(boxes, body, limit, |_| true)
+    }
+
+    /// The same from what it keeps the usual margin from alone.
+    pub fn usual_distance_within(
+        &mut self,
+        boxes: &ObstacleBoxes<D>,
+        body: &Body<'_, D>,
+        limit: f64,
+    ) -> f64 {
+        let carrier = Carrier::of(body);
+        self.distance_of_those(boxes, body, limit, |it| !it.margin_of(carrier).is_own())
+    }
+
+    fn distance_of_those(
+        &mut self,
+        boxes: &ObstacleBoxes<D>,
+        body: &Body<'_, D>,
+        limit: f64,
+        is_meant: impl Fn(&Placed<S, D>) -> bool,
+    ) -> f64 {
         let probe = S::probe(&body.shape);
         let mut least = f64::INFINITY;
         self.for_each_within(boxes, body, limit, |world, j| {
             let bound = least.min(limit);
             let obstacle = &mut world.obstacles[j];
+            if !is_meant(obstacle) {
+                return bound;
+            }
             obstacle.move_to(world.time);
             let distance = match &body.hull {
                 None => obstacle.distance_below(&probe, bound),
@@ -59,7 +101,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                     return bound;
                 }
                 Some(hull) => {
-                    let pair = Pair { body: 0, link: body.link, obstacle: j };
+                    let pair = Pair::default();
                     let (state, turn) = (&obstacle.state, obstacle.turn());
                     obstacle.hull_contact(pair, hull, &probe, state, turn).distance
                 }

@@ -271,7 +271,8 @@ impl Barrier {
         velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
         coarsened: &'a Cell<u64>,
     ) -> Outlook<'a, D> {
-        Outlook { rate: self.rate, kept: self.margins.most(self.rate), velocity, coarsened }
+        let (rate, margins) = (self.rate, &self.margins);
+        Outlook { rate, kept: margins.most(rate), usual: margins.usual(), velocity, coarsened }
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].
@@ -371,7 +372,7 @@ impl Barrier {
     fn keep_distances<R: Robot<D>, const D: usize>(&mut self, robot: &R, kept: Kept<'_, D>) {
         for pair in kept.pairs {
             let motion = DistanceRate::cautious(robot, pair);
-            let (height, motion) = self.margins.above(pair.link, pair.distance, motion);
+            let (height, motion) = self.margins.above(pair, motion);
             self.keep_distance(robot, height, motion, kept.range, |normal, _| {
                 robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, normal);
             });

@@ -107,10 +107,11 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
             self.measure_bodies(robot);
         }
         let Self { activation, pairs, barrier, .. } = self;
+        let reach = *activation + barrier.margins.farther(surroundings.most_margin());
         let velocity = |link: usize, point: &Vector<D>| robot.point_velocity(link, point);
         let coarsened = Cell::new(0);
         let outlook = barrier.outlook(&velocity, &coarsened);
-        surroundings.for_each_needed(bodies, *activation, &outlook, |pair| {
+        surroundings.for_each_needed(bodies, reach, &outlook, |pair| {
             if !is_pressed(robot, pressed, pair) {
                 pairs.push(*pair);
             }

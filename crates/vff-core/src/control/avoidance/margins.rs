@@ -3,6 +3,7 @@
 use crate::control::Yielding;
 use crate::control::distance::DistanceRate;
 use crate::trajectory::{JointSpline, Pace};
+use crate::world::Contact;
 
 /// What bodies of the arm are kept apart \[m\]: little, because shapes that are fitted to links contain more than these.
 const OWN: f64 = 0.005;
@@ -38,11 +39,29 @@ impl Margins {
         }
     }
 
-    /// The height of `link` above what it keeps \[m\], and how that changes.
+    /// How far a pair is above what it keeps \[m\], and how that changes: a margin of its own is lowered along a plan in the same
+    /// share as the usual one.
     #[inline]
-    pub fn above(&self, link: usize, distance: f64, motion: DistanceRate) -> (f64, DistanceRate) {
-        let [margin, rate, change] = self.of_links[link];
-        (distance - margin, DistanceRate { rate: motion.rate - rate, bias: motion.bias - change })
+    pub fn above<const D: usize>(
+        &self,
+        pair: &Contact<D>,
+        motion: DistanceRate,
+    ) -> (f64, DistanceRate) {
+        let share = pair.margin.share(self.usual);
+        let [margin, rate, change] = self.of_links[pair.link].map(|of_link| share * of_link);
+        let motion = DistanceRate { rate: motion.rate - rate, bias: motion.bias - change };
+        (pair.distance - margin, motion)
+    }
+
+    /// What is kept usually \[m\].
+    #[inline]
+    pub fn usual(&self) -> f64 {
+        self.usual
+    }
+
+    /// How much farther than others pairs are looked for where some have a margin of their own, the largest of which is `most` \[m\].
+    pub fn farther(&self, most: f64) -> f64 {
+        (most - self.usual).max(0.0)
     }
 
     /// What links keep from obstacles at most \[m\], reckoned on as barriers of this `rate` \[1/s\] do.

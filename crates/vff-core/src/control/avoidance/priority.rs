@@ -67,13 +67,14 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
         pressed: Option<&Vector<D>>,
     ) {
         Way::<D, M>::reserve(self, robot.body_count() * surroundings.contact_count());
-        let Self { settings, pairs, .. } = self;
+        let Self { settings, margins, pairs, .. } = self;
+        let reach = settings.outer + margins.farther(surroundings.most_margin());
         let visit = |pair: &Contact<D>| {
             if !is_pressed(robot, pressed, pair) {
                 pairs.push(*pair);
             }
         };
-        surroundings.for_each_contact(robot.bodies(), settings.outer, |_, _| {}, visit);
+        surroundings.for_each_contact(robot.bodies(), reach, |_, _| {}, visit);
     }
 
     fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
@@ -114,10 +115,10 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
         }
         for pair in &*pairs {
             interrupt::checkpoint(64 + 16 * gradient.len());
-            let share =
-                smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
+            let distance = pair.margin.as_usual(pair.distance, margins.usual());
+            let share = smoothstep((settings.outer - distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);
-            let (height, motion) = margins.above(pair.link, pair.distance, motion);
+            let (height, motion) = margins.above(pair, motion);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
             let wanted = match range {
                 None => -2.0 * k * motion.rate - k * k * height,

@@ -41,6 +41,8 @@ where
         angular_velocity: 0.0,
         motion: Motion::Linear { velocity },
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     };
     let mut world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);
     controller.observe(&c.q, &c.dq, &mut world);

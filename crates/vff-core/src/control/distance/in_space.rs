@@ -91,6 +91,8 @@ fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Movi
         angular_velocity,
         motion,
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }]);
     if let Some(points) = seen {
         let velocities: Vec<_> = own.iter().copied().cycle().take(points.len()).collect();
@@ -346,6 +348,8 @@ fn barriers_have_no_peak_at_parallel_axes() {
         angular_velocity: [0.0; 3],
         motion: Motion::default(),
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }]);
     let (mut peak, mut most): (f64, f64) = (0.0, 0.0);
     for k in -2000..=2000 {

@@ -257,7 +257,16 @@ pub(super) mod tests {
             |((kind, shape), position, angle, motion, angular_velocity)| {
                 (
                     kind,
-                    Obstacle { shape, position, angle, angular_velocity, motion, ignore: vec![] },
+                    Obstacle {
+                        shape,
+                        position,
+                        angle,
+                        angular_velocity,
+                        motion,
+                        ignore: vec![],
+                        margin: None,
+                        margins: [].into(),
+                    },
                 )
             },
         )
@@ -364,6 +373,8 @@ pub(super) mod tests {
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.6, 0.0] },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let (k, margin, dt) = (20.0, 0.03, 1e-4);
         let least = |sliding_term: bool| {
@@ -417,6 +428,8 @@ pub(super) mod tests {
                 angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.3, 0.0] },
                 ignore: vec![],
+                margin: None,
+                margins: [].into(),
             };
             let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
             (DistanceRate::new(&state, &contact), DistanceRate::cautious(&state, &contact))
@@ -449,6 +462,8 @@ pub(super) mod tests {
             angular_velocity: 0.0,
             motion: Motion::default(),
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
         let d = |q: f64| 0.5 * q.cos() - 0.6 * q.sin() - 0.1;

@@ -308,12 +308,10 @@ impl<const D: usize> OwnPair<D> {
 mod tests {
     use super::super::tests::{Differences, differences};
     use super::*;
-    use crate::geometry::Shape;
-    use crate::geometry::{PlacedHull, perpendicular};
+    use crate::geometry::{PlacedHull, Shape, perpendicular};
     use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
-    use crate::robot::models;
     use crate::robot::spatial::cases::link;
-    use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, planar::Link};
+    use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, models, planar::Link};
     use crate::world::Motion;
     use crate::world::space::{Obstacle, Shape as ObstacleShape, World};
     use proptest::prelude::*;
@@ -494,6 +492,8 @@ mod tests {
             angular_velocity: [0.0; 3],
             motion: Motion::default(),
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         World::new(vec![obstacle]).contact(0, &Body { hull, ..Body::new(0, shape) }, 0).distance
     }

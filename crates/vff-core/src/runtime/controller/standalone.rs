@@ -264,7 +264,7 @@ where
         let obstacle = scenario::read_seen_obstacle::<S, D>(document)?;
         let odd = scenario::misread_obstacle::<S, D>(&obstacle, self.reach);
         let links = self.arm.link_names();
-        scenario::known_ignored(&obstacle, &links)?;
+        scenario::known_links(&obstacle, &links)?;
         let more = S::Geometry::new(&obstacle).barriers();
         self.fits(self.world.barrier_count().saturating_add(more))?;
         self.world.add(obstacle);

@@ -111,6 +111,9 @@ fn schema(kind: &Kind, path: &str, rows: &Rows) -> Value {
             "maxItems": length,
         }),
         Kind::Table(keys) => table(keys, path, rows, None),
+        Kind::NumbersByName => {
+            json!({ "type": "object", "additionalProperties": { "type": "number" } })
+        }
         Kind::AnyTable => json!({ "type": "object", "required": ["kind"] }),
         Kind::Choice { variants, .. } if variants.iter().all(|(_, kind)| *kind == Kind::Unit) => {
             let names: Vec<_> = variants.iter().map(|(name, _)| *name).collect();

@@ -113,6 +113,8 @@ impl DepthCameras {
             angular_velocity: [0.0; 3],
             motion: Motion::Static {},
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let mut world = World::new(vec![cloud]);
         world.make_room(0, most);
@@ -321,6 +323,8 @@ mod tests {
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let wall = |normal, position| there(Shape::HalfSpace { normal }, position, [0.0; 3]);
         World::new(vec![

@@ -6,7 +6,7 @@ use crate::geometry::Body;
 use crate::math::{Vector, cross, perp};
 use crate::robot::Robot;
 use crate::world::plane::{PlanarGeometry, World};
-use crate::world::{CollisionQuery, Contact, Feature, Positions, Spin};
+use crate::world::{CollisionQuery, Contact, Feature, PairMargin, Positions, Spin};
 
 /// A ray relative to the body that it is mounted on.
 #[derive(Debug, Clone, Copy)]
@@ -164,6 +164,7 @@ fn touch(index: usize, body: &Body<'_, 2>, side: usize, witness: Vector<2>) -> C
         body: index,
         link: body.link,
         obstacle: side,
+        margin: PairMargin::USUAL,
         distance: gap - capsule.radius,
         normal: if gap > 0.0 { (point - witness) / gap } else { aside },
         point,
@@ -207,6 +208,8 @@ mod tests {
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.0, speed] },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         }])
     }
 
@@ -311,6 +314,8 @@ mod tests {
             angular_velocity: 0.0,
             motion: Motion::default(),
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let world = World::new(vec![disc(1.0), disc(-0.7)]);
         let odd = PerceptionSettings { sensors: 5, ..settings() };

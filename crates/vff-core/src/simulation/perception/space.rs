@@ -280,7 +280,8 @@ impl CollisionQuery<3> for SpatialPerception {
 
 /// The contact of a body with a point at rest.
 fn touch(index: usize, body: &Body<'_, 3>, obstacle: usize, point: &Vector<3>) -> Contact<3> {
-    contact_with_point(Pair { body: index, link: body.link, obstacle }, body, point)
+    let pair = Pair { body: index, link: body.link, obstacle, ..Pair::default() };
+    contact_with_point(pair, body, point)
 }
 
 #[cfg(test)]

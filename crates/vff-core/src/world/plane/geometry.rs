@@ -11,6 +11,7 @@ use crate::world::{
     Contact, Description, Feature, Interpolation, Motion, MotionState, ObstacleGeometry, Pair,
     Rotation, Spin, Turn, Turning,
 };
+use std::collections::BTreeMap;
 
 impl Description<2> for Obstacle {
     #[inline]
@@ -54,6 +55,14 @@ impl Description<2> for Obstacle {
 
     fn ignored(&self) -> &[String] {
         &self.ignore
+    }
+
+    fn margin(&self) -> Option<f64> {
+        self.margin
+    }
+
+    fn margins(&self) -> &BTreeMap<String, f64> {
+        &self.margins
     }
 }
 
@@ -207,7 +216,7 @@ impl PlanarGeometry {
     #[inline]
     pub(super) fn contact_of(
         &self,
-        Pair { body, link, obstacle }: Pair,
+        Pair { body, link, obstacle, margin }: Pair,
         nearest: &Nearest,
         Probe { axis, radius }: &Probe,
         state: &MotionState<2>,
@@ -218,6 +227,7 @@ impl PlanarGeometry {
             body,
             link,
             obstacle,
+            margin,
             distance: distance - self.radius - radius,
             normal: from_glam(normal),
             point: from_glam(point),

@@ -3,6 +3,7 @@
 use super::Shape;
 use crate::world::Motion;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// An obstacle in the plane: an outline, where it starts and how it moves.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -26,6 +27,12 @@ pub struct Obstacle {
     /// it. Default: none.
     #[serde(default)]
     pub ignore: Vec<String>,
+    /// What every link keeps from it \[m\], in place of the margin of the law and of plans. Default: that margin.
+    #[serde(default)]
+    pub margin: Option<f64>,
+    /// The same of links by name, and of [`LOAD`](crate::world::LOAD), in place of `margin`. Default: none.
+    #[serde(default)]
+    pub margins: BTreeMap<String, f64>,
 }
 
 #[cfg(test)]
@@ -44,6 +51,8 @@ mod tests {
                 angular_velocity: 0.0,
                 motion: Motion::Static {},
                 ignore: vec![],
+                margin: None,
+                margins: [].into(),
             }
         );
     }

@@ -74,6 +74,8 @@ pub(super) fn fixed(shape: Shape, position: [f64; 2], angle: f64) -> Obstacle {
         angular_velocity: 0.0,
         motion: Motion::default(),
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 

@@ -119,6 +119,8 @@ mod tests {
             angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [speed, 0.0] },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let mut world = World::new(vec![disc(3.0, 1.0), disc(6.0, -1.0)]);
         let east = Vector::<2>::new(1.0, 0.0);

@@ -14,7 +14,7 @@ pub(super) fn axis_of(link: &Probe) -> Vector<3> {
 /// radii \[m\], that of the core first.
 #[inline]
 pub(super) fn contact_of(
-    Pair { body, link, obstacle }: Pair,
+    Pair { body, link, obstacle, margin }: Pair,
     nearest: &Nearest,
     axis: &Vector<3>,
     [around_core, around_axis]: [f64; 2],
@@ -26,6 +26,7 @@ pub(super) fn contact_of(
         body,
         link,
         obstacle,
+        margin,
         distance: distance - around_core - around_axis,
         normal,
         point,

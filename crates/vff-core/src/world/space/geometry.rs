@@ -13,6 +13,7 @@ use crate::world::{
     Ahead, Asked, Contact, Description, Interpolation, Motion, MotionState, ObstacleGeometry, Pair,
     Spin, Turn, Turning,
 };
+use std::collections::BTreeMap;
 
 impl Description<3> for Obstacle {
     fn set_position(&mut self, position: Vector<3>) {
@@ -67,6 +68,14 @@ impl Description<3> for Obstacle {
 
     fn ignored(&self) -> &[String] {
         &self.ignore
+    }
+
+    fn margin(&self) -> Option<f64> {
+        self.margin
+    }
+
+    fn margins(&self) -> &BTreeMap<String, f64> {
+        &self.margins
     }
 }
 

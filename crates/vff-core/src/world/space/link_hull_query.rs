@@ -67,7 +67,7 @@ impl SpatialGeometry {
         }
         let seen = PlacedHull { position: hull.position - state.position, ..*hull };
         dispatch!(&self.core, shape => return shape.gap(&seen, self.radius, limit, plane), _cloud => ());
-        let (mut least, pair) = (f64::NAN, Pair { body: 0, link: 0, obstacle: 0 });
+        let (mut least, pair) = (f64::NAN, Pair::default());
         let visit = &mut |found: &Contact<3>| least = found.distance;
         self.visit_hull(pair, hull, around, state, Asked::Nearest, visit);
         least

@@ -139,6 +139,8 @@ pub(crate) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
         angular_velocity,
         motion: Motion::default(),
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 

@@ -24,6 +24,8 @@ use std::sync::Arc;
 ///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Static {},
 ///     ignore: vec![],
+///     margin: None,
+///     margins: [].into(),
 /// };
 /// let mut world = World::new(vec![cloud]);
 /// // Made beside the loop, swapped in within it.
@@ -69,6 +71,8 @@ impl Points {
     ///     angular_velocity: [0.0; 3],
     ///     motion: Motion::Static {},
     ///     ignore: vec![],
+    ///     margin: None,
+    ///     margins: [].into(),
     /// };
     /// let mut world = World::new(vec![cloud]);
     /// // Seen 0.5 s ago, and on its way to the link.

@@ -87,7 +87,7 @@ impl Candidate {
 /// What a roll-out predicts.
 #[derive(Debug, Clone, Copy)]
 pub struct Forecast {
-    /// Smallest distance \[m\].
+    /// Smallest distance \[m\], as one of a pair that keeps the usual margin.
     pub distance: f64,
     /// Mean error of the task \[m\], angles times the characteristic length.
     pub error: f64,

@@ -157,9 +157,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
                 return None;
             }
             let after = self.step * self.done as f64 - ago;
-            let mut later = Later { surroundings, obstacles, after };
+            let (usual, least) = (self.controller.gains().yielding.margin, f64::INFINITY);
+            let mut later = Later { surroundings, obstacles, after, usual, least };
             self.controller.observe(&self.q, &self.dq, &mut later);
-            if self.controller.forces().clearance().iter().any(|distance| *distance < self.least) {
+            if later.least < self.least {
                 self.stop();
                 return Some(Foreseen::Contact);
             }
@@ -291,6 +292,8 @@ mod tests {
                 angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
                 ignore: vec![],
+                margin: None,
+                margins: [].into(),
             };
             let (least, hit, hit_at_once) = both(&q, vec![disc(1.0), disc(-1.0)], rate);
             if least < 0.0 {

@@ -27,6 +27,8 @@ pub fn disc(position: [f64; 2], velocity: [f64; 2]) -> Obstacle {
         angular_velocity: 0.0,
         motion: Motion::Linear { velocity },
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     }
 }
 

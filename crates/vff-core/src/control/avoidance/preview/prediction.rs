@@ -3,7 +3,7 @@
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::Vector;
-use crate::world::{CollisionQuery, Contact, Outlook};
+use crate::world::{CollisionQuery, Contact, Outlook, PairMargin};
 
 /// A pair that is near, as far as the velocity of a roll-out depends on it.
 #[derive(Debug, Clone, Copy)]
@@ -14,8 +14,9 @@ pub struct Near<const D: usize> {
     pub point: Vector<D>,
     /// Unit vector from the obstacle towards the link.
     pub normal: Vector<D>,
-    /// Signed distance \[m\].
+    /// Signed distance, and what is kept of it \[m\].
     pub distance: f64,
+    pub margin: PairMargin,
     /// How fast the obstacle comes along the normal \[m/s\].
     pub comes: f64,
 }
@@ -23,16 +24,17 @@ pub struct Near<const D: usize> {
 impl<const D: usize> Near<D> {
     #[inline(always)]
     fn new(contact: &Contact<D>) -> Self {
-        let Contact { link, point, normal, distance, velocity, .. } = *contact;
-        Self { link, point, normal, distance, comes: normal.dot(&velocity) }
+        let Contact { link, point, normal, distance, margin, velocity, .. } = *contact;
+        Self { link, point, normal, distance, margin, comes: normal.dot(&velocity) }
     }
 }
 
 /// How near a body and an obstacle are.
 #[derive(Debug, Clone, Copy)]
 pub struct Approach<const D: usize> {
-    /// Signed distance \[m\].
-    pub distance: f64,
+    /// Signed distance, and what is kept of it \[m\].
+    distance: f64,
+    margin: PairMargin,
     /// Velocity of the obstacle at its nearest point \[m/s\], and whether it turns.
     velocity: Vector<D>,
     turns: bool,
@@ -43,8 +45,14 @@ pub struct Approach<const D: usize> {
 impl<const D: usize> Approach<D> {
     #[inline(always)]
     fn new(contact: &Contact<D>, foreseen: Option<f64>) -> Self {
-        let Contact { distance, velocity, spin, .. } = contact;
-        Self { distance: *distance, velocity: *velocity, turns: !spin.is_none(), foreseen }
+        let Contact { distance, margin, velocity, spin, .. } = *contact;
+        Self { distance, margin, velocity, turns: !spin.is_none(), foreseen }
+    }
+
+    /// The signed distance \[m\] as one of a pair that keeps the `usual` margin: see [`PairMargin::as_usual`].
+    #[inline]
+    pub fn distance(&self, usual: f64) -> f64 {
+        self.margin.as_usual(self.distance, usual)
     }
 
     /// A speed that no point of the obstacle exceeds, now or later \[m/s\]; infinite where it turns and is not foreseen, as other
@@ -66,6 +74,9 @@ pub trait Prediction<const D: usize> {
 
     /// The most contacts that one body can have with them.
     fn most_contacts(&self) -> usize;
+
+    /// The largest margin of its own that a pair has \[m\]; 0 if none has one.
+    fn largest_margin(&self) -> f64;
 
     /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
     fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>);
@@ -114,6 +125,10 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
 
     fn most_contacts(&self) -> usize {
         self.contact_count()
+    }
+
+    fn largest_margin(&self) -> f64 {
+        self.most_margin()
     }
 
     fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>) {
@@ -174,6 +189,10 @@ pub struct Later<'a, const D: usize> {
     pub obstacles: &'a [usize],
     /// How much later \[s\].
     pub after: f64,
+    /// What pairs without a margin of their own keep \[m\].
+    pub usual: f64,
+    /// The smallest distance of a pair that was found, as one of such a pair \[m\].
+    pub least: f64,
 }
 
 impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
@@ -184,6 +203,10 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
     /// Where one of all obstacles has many contacts, one of these may.
     fn contact_count(&self) -> usize {
         self.obstacles.len() + self.surroundings.most_contacts() - self.surroundings.count()
+    }
+
+    fn most_margin(&self) -> f64 {
+        self.surroundings.largest_margin()
     }
 
     fn for_each_contact<'a>(
@@ -199,6 +222,8 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
             for &j in self.obstacles {
                 let nearest = self.surroundings.predict(i, &body, j, self.after, reach, &mut visit);
                 least = least.min(nearest.distance);
+                let as_usual = nearest.margin.as_usual(nearest.distance, self.usual);
+                self.least = self.least.min(as_usual);
             }
             distance(body.link, least);
         }
@@ -211,7 +236,7 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
         outlook: &Outlook<'_, D>,
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        let Self { surroundings, obstacles, after } = *self;
+        let Self { surroundings, obstacles, after, .. } = *self;
         for (i, body) in bodies.into_iter().enumerate() {
             interrupt::checkpoint(64 * obstacles.len());
             for &j in obstacles {

@@ -16,7 +16,7 @@ use nalgebra::{SMatrix, SVector};
 /// Obstacles farther away than this \[m\] are left out of a planning cycle.
 const REACH: f64 = 4.0;
 
-/// Pairs nearer than this \[m\] limit the velocity in a roll-out.
+/// Pairs nearer than this \[m\] limit the velocity in a roll-out, with a margin of their own as much farther as that is larger.
 pub const NEAR: f64 = 0.5;
 
 /// How fast the arm takes up the joint velocity of a candidate \[1/s\].
@@ -61,6 +61,8 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     apart: Vec<Apart>,
     /// Pairs farther apart than this \[m\] do not matter.
     pub(super) reach: f64,
+    /// Pairs nearer than this \[m\] limit the velocity.
+    near: f64,
     reference: Vec<Sample<R::Pose, M>>,
     /// How many instants that has.
     instants: usize,
@@ -110,6 +112,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             bodies: robot.bodies().map(|body| body.enclosing()).collect(),
             apart: vec![],
             reach: NEAR.max(settings.clearance).max(yielding.margin),
+            near: NEAR,
             reference: vec![],
             instants: settings.steps + 1,
             step,
@@ -143,8 +146,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         pairs.clear();
         apart.clear();
         self.reserve(surroundings.count(), surroundings.most_contacts());
-        let Self { obstacles, bodies, w, v, inverse_inertia, .. } = self;
+        let Self { obstacles, bodies, near, margin, w, v, inverse_inertia, .. } = self;
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
+        *near = NEAR + (surroundings.largest_margin() - *margin).max(0.0);
         surroundings.obstacles_near(bodies, REACH, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
@@ -237,10 +241,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.go_on(candidate, surroundings, ago, enough, &unlimited).expect("unlimited")
     }
 
-    /// The smallest distance to the obstacles predicted for `after` \[s\] from now, as far as it is within reach;
+    /// The smallest distance to the obstacles predicted for `after` \[s\] from now, as one of a pair that keeps the usual margin, as far
+    /// as it is within reach;
     /// gathers the pairs that are near.
     fn measure(&mut self, surroundings: &dyn Prediction<D>, after: f64) -> f64 {
-        let Self { scout, obstacles, pairs, bodies, apart, reach, step, .. } = self;
+        let Self { scout, obstacles, pairs, bodies, apart, reach, near, margin, step, .. } = self;
         let mut least = f64::INFINITY;
         pairs.clear();
         let mut apart = apart.iter_mut();
@@ -261,15 +266,16 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                     let unreached = f64::NEG_INFINITY;
                     surroundings.approach(i, before, j, after, unreached, pairs)
                 } else {
-                    surroundings.approach(i, &body, j, after, NEAR, pairs)
+                    surroundings.approach(i, &body, j, after, *near, pairs)
                 };
-                let room = nearest.distance - *reach;
+                let mut distance = nearest.distance(*margin);
+                let room = distance - *reach;
                 // What matters now is asked in the next step, however fast it comes.
                 let drift = if room > 0.0 { nearest.speed() * *step } else { 0.0 };
                 *apart = Apart { room, drift };
-                let mut distance = nearest.distance;
                 if body.hull.is_some() && room <= 0.0 {
-                    distance = surroundings.approach(i, &body, j, after, NEAR, pairs).distance;
+                    let of_hull = surroundings.approach(i, &body, j, after, *near, pairs);
+                    distance = of_hull.distance(*margin);
                 }
                 least = least.min(distance);
             }
@@ -303,9 +309,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             inverse
         });
         scout.update_velocities(w);
-        for Near { link, point, normal, distance, comes } in pairs.iter() {
+        for Near { link, point, normal, distance, margin: own, comes } in pairs.iter() {
             interrupt::checkpoint(8 * row.len());
-            let least = -0.5 / *step * (distance - *margin);
+            let least = -0.5 / *step * (distance - own.or(*margin));
             // Most pairs keep apart by far, which takes no row of the Jacobian to see.
             if normal.dot(&scout.point_velocity(*link, point)) - comes > least + SURELY {
                 continue;
@@ -477,6 +483,8 @@ mod tests {
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let mut world = space::World::new(vec![
             ball([-0.05, -0.5, 0.6], [0.0, 0.6, 0.0]),

@@ -122,7 +122,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     ) -> Result<(), ScenarioError> {
         let links = self.arm.link_names();
         for (j, obstacle) in obstacles.iter().enumerate() {
-            scenario::known_ignored(obstacle, &links)
+            scenario::known_links(obstacle, &links)
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
         }
         let mut world = World::<S::Geometry, D>::new(obstacles);

@@ -29,7 +29,7 @@ struct Pair {
     room: f64,
     /// How far the obstacle goes from one instant to the next \[m\].
     drift: f64,
-    /// The distance at the instant when it was measured \[m\], and whether it stays that as long as the body rests.
+    /// The distance at the instant when it was measured, as one of a pair that keeps the usual margin \[m\], and whether it stays that as long as the body rests.
     distance: f64,
     rests: bool,
 }
@@ -55,8 +55,9 @@ pub struct Grid<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// How many instants there are, and how far apart they are \[s\].
     instants: usize,
     step: f64,
-    /// The largest distance that matters \[m\].
+    /// The largest distance that matters, and what pairs without a margin of their own keep \[m\].
     clearance: f64,
+    usual: f64,
     /// Largest joint speeds to plan with \[rad/s\].
     speed: Vec<f64>,
     /// The reference at the knots: one if it stands still.
@@ -100,6 +101,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
             instants,
             step: settings.horizon / settings.steps as f64,
             clearance: settings.clearance.max(yielding.margin),
+            usual: yielding.margin,
             speed,
             poses: Vec::with_capacity(knots),
             postures: vec![0.0; knots * places * n],
@@ -306,7 +308,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
                 self.scout.update_positions(&q);
             }
             interrupt::checkpoint(2 * pairs.len() + 8 * self.n);
-            let Self { scout, bodies, obstacles, unused, clearance, step, .. } = self;
+            let Self { scout, bodies, obstacles, unused, clearance, usual, step, .. } = self;
             let after = *step * k as f64 - around.ago;
             let mut least = f64::INFINITY;
             let mut remaining = pairs.iter_mut();
@@ -320,7 +322,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
                         continue;
                     }
                     if !(pair.rests && way <= 0.0) {
-                        *pair = measured(&body, b, j, after, *clearance, *step, around, unused);
+                        let limits = [*clearance, *usual];
+                        *pair = measured(&body, b, j, after, limits, *step, around, unused);
                     }
                     least = least.min(pair.distance);
                 }
@@ -356,7 +359,7 @@ fn measured<const D: usize>(
     index: usize,
     obstacle: usize,
     after: f64,
-    clearance: f64,
+    [clearance, usual]: [f64; 2],
     step: f64,
     around: &Around<'_, D>,
     unused: &mut Vec<Near<D>>,
@@ -368,14 +371,14 @@ fn measured<const D: usize>(
     };
     // Of a hull it is the capsule around it that says how long nothing matters.
     let mut nearest = ask(&body.enclosing(), unused);
-    let room = nearest.distance - clearance;
+    let room = nearest.distance(usual) - clearance;
     if body.hull.is_some() && room <= 0.0 {
         nearest = ask(body, unused);
     }
     let speed = nearest.speed();
     // What matters now is asked at the next instant, too, however slow it is.
     let drift = if room > 0.0 { speed * step } else { 0.0 };
-    Pair { room: room.max(0.0), drift, distance: nearest.distance, rests: speed <= 0.0 }
+    Pair { room: room.max(0.0), drift, distance: nearest.distance(usual), rests: speed <= 0.0 }
 }
 
 /// Whether joints keep away from their stops, or at least come no nearer than they were.
@@ -508,6 +511,8 @@ mod tests {
             angular_velocity: [0.0; 3],
             motion,
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         };
         let moving = ball(Motion::Linear { velocity: [0.0, 0.3, 0.0] });
         let mut world = World::new(vec![moving, ball(Motion::default())]);

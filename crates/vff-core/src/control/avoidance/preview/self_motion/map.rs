@@ -44,7 +44,8 @@ pub struct SelfMotionMap {
     pub step: f64,
     /// How long ago the search began \[s\].
     pub elapsed: f64,
-    /// Of every place, one after the other, the smallest distance at every instant \[m\]: as far as it matters, ∞ beyond. NaN where
+    /// Of every place, one after the other, the smallest distance at every instant \[m\], as one of a pair that has no margin of its own
+    /// ([`PairMargin::as_usual`](crate::world::PairMargin::as_usual)): as far as it matters, ∞ beyond. NaN where
     /// there is no posture, and where nobody can be that early.
     pub distances: Vec<f64>,
     /// The place at every instant along the path that is followed; none where there is no path.

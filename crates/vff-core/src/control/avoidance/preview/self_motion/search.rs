@@ -424,6 +424,8 @@ mod tests {
             angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
             ignore: vec![],
+            margin: None,
+            margins: [].into(),
         }
     }
 

@@ -1,0 +1,80 @@
+//! What a pair of a link and an obstacle keeps.
+
+/// The margin of a pair: one of its own \[m\], > 0, that takes the place of the usual one, of the law or of a plan; or none.
+///
+/// Everything that keeps a margin asks here which one that is: barriers by [`share`](Self::share), as along a plan all
+/// margins are lowered alike, and look-ahead by [`as_usual`](Self::as_usual).
+///
+/// # Example
+/// ```
+/// use vff_core::world::PairMargin;
+///
+/// let (hand, others) = (PairMargin::own(0.005), PairMargin::USUAL);
+/// assert_eq!([hand, others].map(|margin| margin.or(0.02)), [0.005, 0.02]);
+/// assert_eq!(hand.share(0.02), 0.25);
+/// // As far above its margin as 0.03 m are above the usual one, and all of its margin.
+/// assert!((hand.as_usual(0.015, 0.02) - 0.03).abs() < 1e-15);
+/// assert_eq!(hand.as_usual(0.005, 0.02), 0.02);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PairMargin(Option<f64>);
+
+impl PairMargin {
+    /// The usual one.
+    pub const USUAL: Self = Self(None);
+
+    /// One of its own \[m\], > 0.
+    pub fn own(margin: f64) -> Self {
+        Self(Some(margin))
+    }
+
+    /// Whether it is one of its own.
+    pub fn is_own(self) -> bool {
+        self.0.is_some()
+    }
+
+    /// What is kept where others keep `usual` \[m\].
+    #[inline]
+    pub fn or(self, usual: f64) -> f64 {
+        self.0.unwrap_or(usual)
+    }
+
+    /// How many times what others keep, who usually keep `usual` \[m\].
+    #[inline]
+    pub fn share(self, usual: f64) -> f64 {
+        self.0.map_or(1.0, |own| own / usual)
+    }
+
+    /// The distance at which a pair that keeps `usual` is as well off as this one at `distance`, in parts of its margin below that,
+    /// in metres above \[m\].
+    #[inline]
+    pub fn as_usual(self, distance: f64, usual: f64) -> f64 {
+        match self.0 {
+            None => distance,
+            Some(own) if distance > own => usual + (distance - own),
+            Some(own) => distance * (usual / own),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Contact is contact, the margin is the margin, farther is farther, and beyond the margin a metre is a metre.
+        #[test]
+        fn what_is_kept_decides_how_well_off_a_pair_is(
+            own in 1e-3..0.3, usual in 1e-3..0.3, distance in -0.5..1.0, farther in 1e-6..1.0,
+        ) {
+            let margin = PairMargin::own(own);
+            let seen = |distance: f64| margin.as_usual(distance, usual);
+            prop_assert!(seen(0.0) == 0.0 && (seen(own) - usual).abs() < 1e-12);
+            prop_assert!(seen(distance + farther) > seen(distance));
+            prop_assert_eq!(seen(distance) < usual, distance < own);
+            prop_assert!((seen(own + farther) - usual - farther).abs() < 1e-12);
+            prop_assert_eq!(PairMargin::USUAL.as_usual(distance, usual), distance);
+        }
+    }
+}
