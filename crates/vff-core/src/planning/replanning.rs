@@ -132,6 +132,7 @@ where
         let mut state = arm.state();
         has_ends(&state, arm.limits())?;
         state.update_positions(&scenario.q0);
+        let usual = scenario.controller.yielding.margin;
         let mut this = Self {
             arm: Arc::clone(arm),
             world: world.clone(),
@@ -145,9 +146,9 @@ where
             search: None,
             searches: vec![],
             kept: 0.0,
-            usual: scenario.controller.yielding.margin,
+            usual,
             waits: 0,
-            ahead: Ahead::new(state, world),
+            ahead: Ahead::new(state, world, usual),
             progress: Progress::default(),
             wait: [f64::NEG_INFINITY, PAUSES[0]],
         };
@@ -157,7 +158,7 @@ where
 
     fn begin(&mut self) {
         let Self { first, settings, ahead, arm, world, .. } = self;
-        *ahead = Ahead::new(arm.state(), world);
+        *ahead = Ahead::new(arm.state(), world, self.usual);
         self.kept = 0.0;
         if let Some(plan) = first.joints() {
             let [start, end] = plan.span();
@@ -329,6 +330,7 @@ where
             arm: Arc::clone(&self.arm),
             world: moment.world.clone(),
             keeps_apart: self.keeps_apart,
+            usual: self.usual,
             goal: Goal::Pose(self.goal),
             start: moment.q.to_vec(),
         };
@@ -486,16 +488,17 @@ struct Ahead<S: System<D, M>, const D: usize, const M: usize> {
     /// When the last look was \[s\].
     last: f64,
     q: [Vec<f64>; 3],
-    /// What each link is to keep there.
+    /// What each link is to keep there, and what it keeps usually \[m\].
     margins: Vec<[f64; 3]>,
+    usual: f64,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
-    fn new(robot: S::State, world: &World<S::Geometry, D>) -> Self {
+    fn new(robot: S::State, world: &World<S::Geometry, D>, usual: f64) -> Self {
         let n = robot.dof();
         let q = [0; 3].map(|_| vec![0.0; n]);
         let margins = vec![[0.0; 3]; n];
-        Self { robot, worlds: world.parted(), next: None, last: 0.0, q, margins }
+        Self { robot, worlds: world.parted(), next: None, last: 0.0, q, margins, usual }
     }
 
     /// Begins with another plan.
@@ -503,15 +506,22 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
         self.next = None;
     }
 
-    /// How far the arm at `q` will be from everything at `t` \[s\] beyond what each link is to keep \[m\].
+    /// How far the arm at `q` will be from everything at `t` \[s\] beyond what each link is to keep \[m\], a pair with a margin of its
+    /// own in the share of that.
     fn room(&mut self, q: &[f64], t: f64, kept: impl Fn(usize) -> f64) -> f64 {
-        let Self { robot, worlds, .. } = self;
+        let Self { robot, worlds, usual, .. } = self;
         robot.update_positions(q);
         let mut least = f64::INFINITY;
         for world in worlds.iter_mut().filter(|world| !world.is_empty()) {
             world.update(t);
-            let nearest = |link: usize, d: f64| least = least.min(d - kept(link));
-            world.for_each_contact(robot.bodies(), f64::NEG_INFINITY, nearest, |_| {});
+            let mut nearest = |link: usize, d: f64| least = least.min(d - kept(link));
+            if world.most_margin() > 0.0 {
+                world.for_each_pair(robot.bodies(), |pair| {
+                    nearest(pair.link, pair.distance / pair.margin.share(*usual));
+                });
+            } else {
+                world.for_each_contact(robot.bodies(), f64::NEG_INFINITY, nearest, |_| {});
+            }
         }
         least
     }

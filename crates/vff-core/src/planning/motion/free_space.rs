@@ -11,7 +11,7 @@ use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::Vector;
-use crate::world::{ObstacleBoxes, ObstacleGeometry, World};
+use crate::world::{CollisionQuery, ObstacleBoxes, ObstacleGeometry, PairMargin, World};
 use foldhash::fast::FixedState;
 use std::collections::{HashMap, VecDeque};
 
@@ -26,6 +26,8 @@ const FINEST_SHARE: f64 = 2e-4;
 const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
+/// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
+const LEAST_ASKED: f64 = 1e-6;
 /// The most of these places.
 const MAX_PLACES: f64 = 64.0;
 
@@ -46,9 +48,13 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     keeps_apart: bool,
     /// What every link keeps from everything, and bodies of the arm from each other.
     pub margins: Margins,
+    /// The margin that is asked for \[m\], with which margins of pairs of their own are compared.
+    pub asked: f64,
+    /// The largest of those in parts of it, 1 or more.
+    most_share: f64,
     /// From where on it does not matter how far a link is \[m\].
     limits: Vec<f64>,
-    /// Signed distance of each link from what is nearest \[m\], ∞ from its limit on.
+    /// Signed distance of each link from what is nearest of that from which it keeps the usual margin \[m\], ∞ from its limit on.
     clearance: Vec<f64>,
     bodies: Vec<Body<'static, D>>,
     middle: Vec<f64>,
@@ -84,6 +90,8 @@ struct Near {
     bend: f64,
     /// By how much what they have to keep changes at most in the whole motion \[m\].
     drift: f64,
+    /// What they keep, in parts of what the link does.
+    share: f64,
 }
 
 /// The two ends of a motion that is certified.
@@ -140,7 +148,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             (world, boxes)
         };
         let n = robot.dof();
+        let most_own = world.most_margin();
+        let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
+            most_share: if most_own > 0.0 { (most_own / asked).max(1.0) } else { 1.0 },
+            asked,
             finest: FINEST.min(FINEST_SHARE * radius),
             reach,
             robot,
@@ -165,8 +177,9 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         &mut self.robot
     }
 
-    /// Measures links at `q`, each where it is nearer than its limit; ∞ says that it is not.
-    fn measure(&mut self, q: &[f64]) {
+    /// Measures links at `q`, each where it is nearer than its limit; ∞ says that it is not. Pairs with a margin of their own are told
+    /// by themselves, each with its link and its distance \[m\].
+    fn measure(&mut self, q: &[f64], mut own: impl FnMut(usize, PairMargin, f64)) {
         let Self { robot, worlds, limits, clearance, slack, .. } = self;
         robot.update_positions(q);
         clearance.fill(f64::INFINITY);
@@ -174,9 +187,16 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             let slack = if k > 0 { *slack } else { 0.0 };
             interrupt::checkpoint((32 + world.len()) * robot.body_count());
             for body in robot.bodies() {
-                let least = &mut clearance[body.link];
-                let limit = least.min(limits[body.link]) + slack;
-                *least = least.min(world.distance_within(boxes, &body, limit) - slack);
+                let link = body.link;
+                let least = &mut clearance[link];
+                let limit = least.min(limits[link]) + slack;
+                let distance = if world.most_margin() > 0.0 {
+                    world.for_each_own_margin(&body, |margin, d| own(link, margin, d - slack));
+                    world.usual_distance_within(boxes, &body, limit)
+                } else {
+                    world.distance_within(boxes, &body, limit)
+                };
+                *least = least.min(distance - slack);
             }
         }
     }
@@ -194,21 +214,39 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// The same where it is less than `limit` \[m\]; otherwise ∞.
     pub fn clearance_within(&mut self, q: &[f64], limit: f64) -> f64 {
+        let mut least = limit;
         self.limits.fill(limit);
-        self.measure(q);
-        self.clearance.iter().copied().fold(f64::INFINITY, f64::min)
+        self.measure(q, |_, _, distance| least = least.min(distance));
+        let least = if least < limit { least } else { f64::INFINITY };
+        self.clearance.iter().copied().fold(least, f64::min)
     }
 
-    /// How far each link of the arm at `q` is from everything outside \[m\].
-    pub fn room(&mut self, q: &[f64]) -> &[f64] {
-        self.room_within(q, f64::INFINITY)
+    /// How far each link of the arm at `q` is from everything outside \[m\], a pair with a margin of its own in the share of that.
+    pub fn room(&mut self, q: &[f64]) -> Vec<f64> {
+        let (mut own, asked) = (vec![], self.asked);
+        let mut room = self.usual_room_within(q, f64::INFINITY, |link, margin, distance| {
+            own.push((link, distance / margin.share(asked)));
+        });
+        own.into_iter().for_each(|(link, of_pair)| room[link] = room[link].min(of_pair));
+        room
     }
 
-    /// The same where it is less than `limit` \[m\]; otherwise ∞.
-    pub fn room_within(&mut self, q: &[f64], limit: f64) -> &[f64] {
+    /// How far each link of the arm at `q` is from that outside from which it keeps the usual margin \[m\], where that is less than
+    /// `limit`; otherwise ∞. Of other pairs `own` is told.
+    pub fn usual_room_within(
+        &mut self,
+        q: &[f64],
+        limit: f64,
+        own: impl FnMut(usize, PairMargin, f64),
+    ) -> Vec<f64> {
         self.limits.fill(limit);
-        self.measure(q);
-        &self.clearance
+        self.measure(q, own);
+        self.clearance.clone()
+    }
+
+    /// Whether some pairs have margins of their own.
+    pub fn has_own_margins(&self) -> bool {
+        self.worlds.iter().any(|(world, _)| world.most_margin() > 0.0)
     }
 
     /// What is certain where a motion was found to keep `margin` \[m\].
@@ -362,7 +400,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
     fn look(&mut self, near: Near, half: f64) -> Look {
-        let Near { two, body, from, way, bend, drift } = near;
+        let Near { two, body, from, way, bend, drift, share } = near;
         let Self { robot, worlds, slack, margins, reach, middle, planes, twists, .. } = self;
         let body = robot.body(body);
         let drift = drift * half;
@@ -370,7 +408,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             Two::Obstacle { world, .. } => {
                 let moves = world > 0;
                 let slack = if moves { *slack } else { 0.0 };
-                (margins.at(middle, reach, body.link), slack, !moves)
+                let keeps = share * margins.at(middle, reach, body.link);
+                (keeps + margins.beyond(body.link), slack, !moves)
             }
             Two::Own(_) => (margins.apart_at(middle, reach), 0.0, true),
         };
@@ -414,9 +453,13 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             return Some(two);
         }
         // How far each link looks around, in every world.
-        let steepness = 1.0 + self.margins.slope();
+        let most = self.most_share;
+        let steepness = 1.0 + most * self.margins.slope();
         let around: Vec<f64> = (0..self.middle.len())
-            .map(|link| self.margin(&self.middle, link) + 0.5 * steepness * self.way(ends, link))
+            .map(|link| {
+                let keeps = most * self.margin(&self.middle, link) + self.margins.beyond(link);
+                keeps + 0.5 * steepness * self.way(ends, link)
+            })
             .collect();
         let mut worlds = std::mem::take(&mut self.worlds);
         let mut candidates: Vec<Two> = vec![];
@@ -458,11 +501,15 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         };
         let to = link(body).unwrap_or(0);
         let (way, bend) = (self.reach.way(ends, from, to), self.reach.bend(ends, from, to));
-        let drift = match two {
-            Two::Obstacle { .. } => self.margins.slope() * way,
-            Two::Own(_) => self.margins.apart_change(ends, &self.reach),
+        let (drift, share) = match two {
+            Two::Obstacle { world, obstacle, .. } => {
+                let margin = self.worlds[world].0.margin_of(obstacle, &self.robot.body(body));
+                let share = margin.share(self.asked);
+                (share * self.margins.slope() * way, share)
+            }
+            Two::Own(_) => (self.margins.apart_change(ends, &self.reach), 1.0),
         };
-        Near { two, body, from, way, bend, drift }
+        Near { two, body, from, way, bend, drift, share }
     }
 }
 

@@ -19,26 +19,27 @@ pub struct End {
     pub q: Vec<f64>,
     /// How far the arm is from everything outside.
     pub clearance: f64,
+    /// By each link: see [`Margins`].
     kept: Vec<f64>,
     /// What bodies of the arm keep from each other; 0 or less where they touch.
     pub apart: f64,
 }
 
 impl End {
-    /// Of a configuration, the distance of each link from everything and the least of bodies of the arm \[m\].
-    pub fn new(q: &[f64], room: &[f64], apart: f64) -> Self {
-        let clearance = room.iter().copied().fold(f64::INFINITY, f64::min);
+    /// Of a configuration, the room of each link, the distance from everything and the least of bodies of the arm \[m\].
+    pub fn new(q: &[f64], room: &[f64], clearance: f64, apart: f64) -> Self {
         let kept = room.iter().map(|room| SHARE * room).collect();
         Self { q: q.to_vec(), clearance, kept, apart: SHARE * apart }
     }
 
     /// What all links keep.
     pub fn least(&self) -> f64 {
-        SHARE * self.clearance
+        self.kept.iter().copied().fold(f64::INFINITY, f64::min)
     }
 }
 
-/// What each link keeps from everything, and bodies of the arm from each other.
+/// What each link keeps from everything, and bodies of the arm from each other. Pairs with a margin of their own keep the
+/// [share](crate::world::PairMargin::share) of that which theirs is of what is asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Margins {
     /// By each link, far from all ends \[m\].
@@ -49,12 +50,25 @@ pub struct Margins {
     slope: f64,
     /// Of what links keep, and of what bodies of the arm do, so much.
     pub shares: [f64; 2],
+    /// What each link keeps beyond that, whatever it keeps \[m\]; nothing where this is empty.
+    beyond: Vec<f64>,
 }
 
 impl Margins {
     /// The same everywhere.
     pub fn constant(far: Vec<f64>, apart: f64) -> Self {
-        Self { far, apart, ends: vec![], slope: 0.0, shares: [1.0; 2] }
+        Self { far, apart, ends: vec![], slope: 0.0, shares: [1.0; 2], beyond: vec![] }
+    }
+
+    /// And so much more by each link \[m\].
+    #[must_use]
+    pub fn and_beyond(self, beyond: Vec<f64>) -> Self {
+        Self { beyond, ..self }
+    }
+
+    /// What `link` keeps beyond its margin \[m\].
+    pub fn beyond(&self, link: usize) -> f64 {
+        self.beyond.get(link).copied().unwrap_or(0.0)
     }
 
     /// For motions from `start` to one of `goals`, from which a path may be hard to find: the first are to be tried first.

@@ -149,7 +149,8 @@ where
     let mut world = World::new(scene.obstacles.clone());
     hide_unseen(&mut world, &scenario.contacts);
     world.know_links(&arm.link_names());
-    Task::<S, D, M> { arm, world, keeps_apart, goal, start }.plan(settings)
+    let usual = scenario.controller.yielding.margin;
+    Task::<S, D, M> { arm, world, keeps_apart, usual, goal, start }.plan(settings)
 }
 
 /// A joint that slides needs an end, as random configurations are between its ends.
@@ -182,6 +183,8 @@ pub(super) struct Task<S: System<D, M>, const D: usize, const M: usize> {
     pub world: World<S::Geometry, D>,
     /// Whether bodies of the arm must not touch each other.
     pub keeps_apart: bool,
+    /// What the law keeps from obstacles \[m\].
+    pub usual: f64,
     pub goal: Goal<S::Pose>,
     /// Where the joints are \[rad or m\].
     pub start: Vec<f64>,
@@ -196,13 +199,14 @@ where
     /// # Errors
     /// If limits make it take too long.
     pub fn plan(&self, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
-        let Self { arm, world, keeps_apart, goal, start } = self;
+        let Self { arm, world, keeps_apart, usual, goal, start } = self;
         let PlanSettings { time, horizon, margin, .. } = *settings;
         let window = Some(Window { start: time, duration: horizon });
         let mut planner = Planner::<S, D, M> {
             space: FreeSpace::new(arm.state(), world, window, *keeps_apart, margin),
             arm: Arc::clone(arm),
             settings,
+            usual: *usual,
             start: start.clone(),
             noise: Noise::new(settings.seed, STREAM),
         };

@@ -9,7 +9,8 @@ pub struct PlanSettings {
     pub goal: Option<Vec<f64>>,
     /// When it starts \[s\].
     pub time: f64,
-    /// What every link keeps from obstacles \[m\], ≥ 0; less near a start or goal that has less.
+    /// What every link keeps from obstacles \[m\], ≥ 0; less near a start or goal that has less. Pairs with a margin of their own
+    /// keep that in its place.
     pub margin: f64,
     /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0; None leaves out those
     /// that move at its beginning.
@@ -102,10 +103,11 @@ pub struct Plan {
     /// The smallest distance from obstacles on the way \[m\]; ∞ if there are none. Where start or goal are blocked, the
     /// distance of what is; at the start if nothing was found otherwise.
     pub clearance: f64,
-    /// What was kept of the margin by the path where it keeps least, before corners were rounded \[m\].
+    /// What was kept of the margin by the path where it keeps least, before corners were rounded \[m\]: of a margin of a pair's own the same
+    /// share was kept.
     pub margin: f64,
     /// What each link is certain to keep between each instant and the next: the smaller of both \[m\], one instant after the
-    /// other; none if nothing was found.
+    /// other; none if nothing was found. Of a margin of a pair's own it keeps the share that this is of `yielding.margin`.
     pub margins: Vec<f64>,
     /// What is left to a goal \[rad\]; of one out of reach \[m\]; 0 if it was found.
     pub gap: f64,

@@ -31,6 +31,8 @@ pub(super) struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
     pub arm: Arc<S::Arm>,
     pub space: FreeSpace<S::State, S::Geometry, D>,
     pub settings: &'a PlanSettings,
+    /// What the law keeps from obstacles \[m\].
+    pub usual: f64,
     pub start: Vec<f64>,
     pub noise: Noise,
 }
@@ -116,7 +118,7 @@ where
             samples: 0,
             nodes: 0,
         };
-        let asked = self.settings.margin;
+        let asked = self.space.asked;
         self.keep(asked.min(first.least()), first.apart);
         let has_room = first.clearance > 0.0 && first.apart > 0.0;
         if !has_room || !inside(&start) || !self.space.is_free(&start) {
@@ -240,7 +242,8 @@ where
     /// What can be kept at `q`.
     fn end(&mut self, q: &[f64]) -> End {
         let apart = self.space.own_room(q, APART / SHARE);
-        End::new(q, self.space.room(q), apart)
+        let (room, clearance) = (self.space.room(q), self.space.clearance(q));
+        End::new(q, &room, clearance, apart)
     }
 
     /// Keeps the same margin everywhere, and bodies of the arm that far `apart` at most \[m\].
@@ -425,11 +428,10 @@ where
                 .map(|link| [a, b].map(|q| self.space.margin(q, link)))
                 .map(|[a, b]| a.min(b))
                 .collect();
-            let asked: Vec<f64> =
-                kept.iter().zip(&bulges).map(|(kept, bulge)| kept + bulge).collect();
             let [at_a, at_b] = [a, b].map(|q| self.space.apart_at(q));
             let bulge = bulges.iter().copied().fold(0.0, f64::max);
-            self.space.margins = Margins::constant(asked.clone(), at_a.min(at_b) + bulge);
+            self.space.margins =
+                Margins::constant(kept.clone(), at_a.min(at_b) + bulge).and_beyond(bulges.clone());
             let is_free = self.space.is_free_between(a, &middle[0])
                 && self.space.is_free_between(&middle[0], b);
             self.space.margins.clone_from(&margins);
@@ -437,13 +439,26 @@ where
                 return None;
             }
             // What is measured in the middle says more, where there is more room than was asked for.
-            let room = self.space.room_within(&middle[0], MOST_KEPT).to_vec();
-            let kept = (0..n).map(|link| {
-                let way = [a, b].map(|end| self.space.way([&middle[0], end], link));
-                let measured = room[link].min(MOST_KEPT) - way[0].max(way[1]);
-                (self.space.certain(asked[link]).max(measured) - bulges[link]).max(0.0)
+            let mut own = vec![];
+            let room =
+                self.space.usual_room_within(&middle[0], MOST_KEPT, |link, margin, distance| {
+                    own.push((link, margin, distance));
+                });
+            let (space, usual) = (&self.space, self.usual);
+            let least = (0..n).map(|link| {
+                let way = [a, b].map(|end| space.way([&middle[0], end], link));
+                let certain = |kept: f64, measured: f64| {
+                    let measured = measured - way[0].max(way[1]);
+                    (space.certain(kept + bulges[link]).max(measured) - bulges[link]).max(0.0)
+                };
+                // Whoever follows keeps the share of it that a margin of its own is of what is usual there.
+                let own = own.iter().filter(|(of, ..)| *of == link).map(|(_, margin, distance)| {
+                    let kept = margin.share(space.asked) * kept[link];
+                    certain(kept, *distance) / margin.share(usual)
+                });
+                own.fold(certain(kept[link], room[link].min(MOST_KEPT)), f64::min)
             });
-            pieces.push(kept.collect());
+            pieces.push(least.collect());
         }
         let last = pieces.len();
         let at = |k: usize| {
@@ -521,23 +536,35 @@ where
 
     /// Where less than the margin is kept, as the end of a sentence.
     fn lowered(&mut self, spline: &JointSpline, asked: &Margins) -> String {
-        let most = self.settings.margin;
+        let most = self.space.asked;
+        let differ = self.space.has_own_margins();
+        let of = |kept: f64| {
+            if differ {
+                format!("{:.0} %", 100.0 * kept / most)
+            } else {
+                format!("{:.1} mm", 1e3 * kept)
+            }
+        };
         let ends = [("start", spline.first()), ("goal", spline.last())];
         let mut told: Vec<String> = ends
             .into_iter()
             .filter_map(|(place, q)| Some((place, asked.lowered_at(q)?)))
-            .map(|(place, kept)| format!("{:.1} mm at the {place}", 1e3 * kept))
+            .map(|(place, kept)| format!("{} at the {place}", of(kept)))
             .collect();
         let least = (0..asked.far.len()).min_by(|a, b| asked.far[*a].total_cmp(&asked.far[*b]));
         if let Some(link) = least.filter(|link| asked.far[*link] < most) {
             let (name, kept) = (self.space.robot().link_name(Some(link)), asked.far[link]);
-            told.push(format!("{:.1} mm by {name} all the way", 1e3 * kept));
+            told.push(format!("{} by {name} all the way", of(kept)));
         }
         let mut sentence = String::new();
         if !told.is_empty() {
             let told = told.join(", ");
-            let _ =
-                write!(sentence, "; less than the margin of {:.1} mm is kept: {told}", 1e3 * most);
+            let margin = if differ {
+                "margins".to_owned()
+            } else {
+                format!("margin of {:.1} mm", 1e3 * most)
+            };
+            let _ = write!(sentence, "; less than the {margin} is kept: {told}");
         }
         for (place, q) in ends {
             if let Some(kept) = asked.apart_lowered_at(q) {

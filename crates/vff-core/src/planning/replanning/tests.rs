@@ -93,6 +93,8 @@ fn what_moves_is_foreseen() {
         angular_velocity: 0.0,
         motion: Motion::Linear { velocity: velocity.into() },
         ignore: vec![],
+        margin: None,
+        margins: [].into(),
     };
     let mut state = closed_loop.arm().state();
     let mut q = [0; 3].map(|_| vec![0.0; 4]);
@@ -104,7 +106,7 @@ fn what_moves_is_foreseen() {
     let world = |since: f64| PlanarWorld::new(vec![disc(tip - velocity * since, velocity)]);
     let least = |world: &PlanarWorld, horizon: f64| {
         let settings = ReplanSettings { horizon, ..ReplanSettings::default() };
-        let mut ahead = Ahead::<Plane, 2, 2>::new(closed_loop.arm().state(), world);
+        let mut ahead = Ahead::<Plane, 2, 2>::new(closed_loop.arm().state(), world, 0.02);
         let look = |k: u32| {
             let t = 1e-3 * f64::from(k);
             let (q, error) = (&[0.2, 0.3, 0.3, 0.3], &Vector::zeros());
