@@ -71,16 +71,29 @@ def _of_dimension(scene: vff.Scenario, plane: Any, space: Any) -> Any:
     return plane if scene.arm.dimension == 2 else space
 
 
+def _of_each(scene: vff.Scenario, said: Changes) -> Changes:
+    """All obstacles, of which this is said."""
+    return {"obstacles": [each | said for each in scene.to_dict().get("obstacles", [])]}
+
+
+def last_link(scene: vff.Scenario) -> str:
+    joints = scene.arm.to_dict().get("joints")
+    return str(joints[-1]["link"]) if joints else f"link_{scene.arm.n}"
+
+
 def _ignored(scene: vff.Scenario) -> Changes:
     """The last link, and what it carries, may touch everything."""
-    joints = scene.arm.to_dict().get("joints")
-    last = joints[-1]["link"] if joints else f"link_{scene.arm.n}"
-    return {"obstacles": [each | {"ignore": [last, "load"]} for each in scene.to_dict().get("obstacles", [])]}
+    return _of_each(scene, {"ignore": [last_link(scene), "load"]})
+
+
+def _margins(scene: vff.Scenario) -> Changes:
+    """The last link comes near to everything, and others keep away."""
+    return _of_each(scene, {"margin": 0.05, "margins": {last_link(scene): 0.005}})
 
 
 def _solid(scene: vff.Scenario, **contact: Any) -> Changes:
     """Obstacles that are felt."""
-    return {"obstacles": [each | {"contact": contact} for each in scene.to_dict().get("obstacles", [])]}
+    return _of_each(scene, {"contact": contact})
 
 
 def _order(scene: vff.Scenario) -> Changes:
@@ -279,6 +292,7 @@ OPTIONS: dict[str, Option] = {
     ),
     "felt": Option(_solid, exact=False),
     "ignored": Option(_ignored, ("needs obstacles that are known",)),
+    "margins": Option(_margins, ("needs obstacles that are known",)),
     "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
     "clouds": Option(_cloud),
     "load": Option(

@@ -53,6 +53,10 @@ class Obstacle:
         How it resists links that press into it, as `with_contact` says; None is not felt.
     ignore : tuple of str
         Links that may touch it, as `ignored_by` says.
+    margin : float or None
+        What every link keeps from it [m], as `with_margin` says; None is the usual margin.
+    margins : tuple of (str, float)
+        What links keep from it by their names [m], in place of `margin`.
 
     Raises
     ------
@@ -69,6 +73,8 @@ class Obstacle:
     angular_velocity: float | tuple[float, float, float] | None = None
     contact: tuple[tuple[str, float], ...] | None = None
     ignore: tuple[str, ...] = ()
+    margin: float | None = None
+    margins: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         _core.check("obstacle", self.to_dict())
@@ -379,6 +385,39 @@ class Obstacle:
         """
         return replace(self, ignore=tuple(links))
 
+    def with_margin(self, margin: float | None = None, links: Mapping[str, float] | None = None) -> Obstacle:
+        """The same obstacle, from which another distance is kept than from all others.
+
+        It takes the place of ``yielding.margin`` in ``"cbf"``, ``"priority"`` and look-ahead, and of the
+        margin of `vffnull.plan`. Fields, and with them ``"null_space"`` and ``"relaxed"``, have no margin:
+        they begin at their own distances.
+
+        Parameters
+        ----------
+        margin : float, optional
+            What every link keeps [m], > 0, and what the arm carries; by default the usual margin.
+        links : Mapping, optional
+            What links keep in place of it [m], > 0, by their names; ``"load"`` is what the arm carries, which
+            the name of its link does not mean.
+
+        Returns
+        -------
+        Obstacle
+            It, with these margins and no other.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If a margin is not a positive number, or that of a link that may touch the obstacle.
+
+        Examples
+        --------
+        >>> table = Obstacle.half_space([0, 0, 0.2], [0, 0, 1]).with_margin(0.03, {"panda_link7": 0.005})
+        >>> table.to_dict()["margin"], table.to_dict()["margins"]
+        (0.03, {'panda_link7': 0.005})
+        """
+        return replace(self, margin=margin, margins=tuple((links or {}).items()))
+
     @property
     def shape(self) -> Mapping[str, Any]:
         """The shape as a part of a scenario document."""
@@ -397,6 +436,10 @@ class Obstacle:
             document["motion"] = plain(self.motion)
         if self.ignore:
             document["ignore"] = list(self.ignore)
+        if self.margin is not None:
+            document["margin"] = self.margin
+        if self.margins:
+            document["margins"] = dict(self.margins)
         if self.contact is not None:
             document["contact"] = dict(self.contact)
         return document
@@ -416,6 +459,10 @@ class Obstacle:
             parts.append(f"contact={dict(self.contact)!r}")
         if self.ignore:
             parts.append(f"ignore={self.ignore!r}")
+        if self.margin is not None:
+            parts.append(f"margin={self.margin!r}")
+        if self.margins:
+            parts.append(f"margins={dict(self.margins)!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
 
 

@@ -64,7 +64,8 @@ def plan(
         How long the arm rests at every goal but the last [s], > 0.
     margin : float, optional
         What every link keeps from obstacles [m]; less near a start or goal that has less, and less all
-        the way where nothing else is found: the message says so.
+        the way where nothing else is found: the message says so. From an obstacle with a `margin` of its own
+        they keep that.
     horizon : float or None, optional
         For how long the places that obstacles will pass are kept free [s], as their motion is known. With
         0 they are taken as they are at `time`, with None those that move then are left out.

@@ -80,7 +80,7 @@ class Plan:
     margin : float
         The distance that the path keeps where it keeps least [m], half of it where corners were rounded: that
         which was asked for, or 90 % of what a start or goal has near that, and all the way where nothing else
-        was found.
+        was found. Of the margins that obstacles have of their own it keeps the same share.
     gap : float
         What was left to a goal: joint angles, taken together as a vector [rad], if no path was found; a
         distance [m],
@@ -94,7 +94,9 @@ class Plan:
         would help. Of a motion, where it keeps less than the margin.
     margins : (k, n) ndarray
         What each link is certain to keep from obstacles between each instant and the next, the smaller of
-        both [m]: barriers that follow the plan keep no more. Empty if nothing was found, and in older files.
+        both [m]: barriers that follow the plan keep no more. Of a margin that an obstacle has of its own
+        it keeps the share that this is of ``yielding.margin``. Empty if nothing was found, and in older
+        files.
     ignored : tuple of (str, str)
         Pairs of links that were not measured against each other: the ``ignore`` of the arm.
     """

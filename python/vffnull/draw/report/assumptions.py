@@ -124,6 +124,15 @@ def _met(document: Mapping[str, Any], contact: str) -> Iterator[str]:
     for k, each in enumerate(obstacles, start=1):
         if links := each.get("ignore"):
             yield f"{listed(links)} may pass through obstacle {k}: neither avoided nor measured."
+        if kept := _kept(each):
+            yield f"From obstacle {k} another margin is kept: {kept}."
+
+
+def _kept(obstacle: Mapping[str, Any]) -> str:
+    """The margins that an obstacle has of its own."""
+    of_all = {"every link": obstacle["margin"]} if "margin" in obstacle else {}
+    margins = of_all | obstacle.get("margins", {})
+    return ", ".join(f"{1e3 * margin:.3g} mm by {link}" for link, margin in margins.items())
 
 
 def _pushed(document: Mapping[str, Any]) -> Iterator[str]:
