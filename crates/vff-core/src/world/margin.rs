@@ -66,10 +66,10 @@ mod tests {
         /// Contact is contact, the margin is the margin, farther is farther, and beyond the margin a metre is a metre.
         #[test]
         fn what_is_kept_decides_how_well_off_a_pair_is(
-            own in 1e-3..0.3, usual in 1e-3..0.3, distance in -0.5..1.0, farther in 1e-6..1.0,
+            own in 1e-3..0.3f64, usual in 1e-3..0.3f64, distance in -0.5..1.0f64, farther in 1e-6..1.0f64,
         ) {
             let margin = PairMargin::own(own);
-            let seen = |distance: f64| margin.as_usual(distance, usual);
+            let seen = |distance: f64| -> f64 { margin.as_usual(distance, usual) };
             prop_assert!(seen(0.0) == 0.0 && (seen(own) - usual).abs() < 1e-12);
             prop_assert!(seen(distance + farther) > seen(distance));
             prop_assert_eq!(seen(distance) < usual, distance < own);
