@@ -186,6 +186,8 @@ def driven(change: Callable[[float, Vector, Vector], Any], seconds: float = 1.0)
     [
         (lambda t, q, dq: (1000 * t, q, dq), "has to count in seconds"),
         (lambda t, q, dq: (t, q, -dq), "its sign or unit is another one"),
+        (lambda t, q, dq: (t, q, 0.0 * dq), "its sign or unit is another one"),
+        (lambda t, q, dq: (t, q, dq / 2 / np.pi), "its sign or unit is another one"),
         (lambda t, q, dq: (t, q, np.degrees(dq)), "its sign or unit is another one|twice its speed limit"),
     ],
 )

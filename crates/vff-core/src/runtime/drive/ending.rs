@@ -38,7 +38,7 @@ pub enum Fault {
     },
     /// A velocity is none of its position.
     #[error(
-        "joint {joint} went by {gone:.3} in {within:.3} s, and its velocity says {told:.3}: its sign or unit is another one"
+        "joint {joint} went by {gone:.3} in {within:.3} s, and its velocity says {told:.3}: its sign or unit is another one, or it is not filled in"
     )]
     Velocity {
         /// Which, counted from 0.
