@@ -2381,7 +2381,8 @@ class VirtualArm:
     Raises
     ------
     vffnull.errors.InputError
-        If a number is not positive, an array has the wrong length, or no speed is known.
+        If a number is not positive, an array has the wrong length, no speed is known, or a joint is more
+        than 0.2 rad (0.05 m) beyond its stop.
 
     Examples
     --------
@@ -2441,12 +2442,12 @@ class VirtualArm:
             If an array has the wrong shape, or time or reference are not finite.
         """
     def begin(self, q: ArrayLike) -> None:
-        """Begin anew at rest at `q` [rad], where the robot is.
+        """Begin anew at rest at `q` [rad], where the robot is. The controller forgets the past.
 
         Raises
         ------
         vffnull.errors.InputError
-            If it has the wrong shape or is not finite.
+            If it has the wrong shape, is not finite, or is more than 0.2 rad (0.05 m) beyond a stop.
         """
     def stop(self) -> None:
         """Stop the model from the next cycle on, within its limits."""

@@ -411,8 +411,8 @@ vff_status vff_controller_begin(struct vff_controller *controller,
 // Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
 // no newer than the last, not finite, or not to be reached from the last counts as missing. What is to be sent is finite, within the
 // torque limits and the rate of `command`, and does not depend on other states that are observed in between. Without a reference, the
-// motion of the end effector is damped. A robot that is not where the reference of the scenario begins is refused
-// (`VFF_STATUS_REFERENCE`): nothing is to be sent.
+// motion of the end effector is damped. A loop that would begin far beyond the stops, or not where the reference of
+// the scenario begins, is refused (`VFF_STATUS_REFERENCE`): nothing is to be sent.
 vff_status vff_controller_cycle(struct vff_controller *controller,
                                 double t,
                                 const double *q,
@@ -467,7 +467,9 @@ vff_status vff_controller_stable_period(struct vff_controller *controller,
                                         double *period);
 
 // Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
-// runs on the model, whose state is the set point. Allocates.
+// runs on the model, whose state is the set point. The past is forgotten, and the reference of a scenario begins `command.blend_time`
+// after the first set point, at whatever time that is. A robot that is far beyond its stops, or not where that reference begins, is
+// refused (`VFF_STATUS_REFERENCE`). Allocates.
 vff_status vff_controller_begin_set_points(struct vff_controller *controller,
                                            double period,
                                            const struct vff_set_point_limits *limits,

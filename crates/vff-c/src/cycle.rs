@@ -84,8 +84,8 @@ pub unsafe extern "C" fn vff_controller_begin(
 /// Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
 /// no newer than the last, not finite, or not to be reached from the last counts as missing. What is to be sent is finite, within the
 /// torque limits and the rate of `command`, and does not depend on other states that are observed in between. Without a reference, the
-/// motion of the end effector is damped. A robot that is not where the reference of the scenario begins is refused
-/// (`VFF_STATUS_REFERENCE`): nothing is to be sent.
+/// motion of the end effector is damped. A loop that would begin far beyond the stops, or not where the reference of
+/// the scenario begins, is refused (`VFF_STATUS_REFERENCE`): nothing is to be sent.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_cycle(
     controller: *mut Controller,

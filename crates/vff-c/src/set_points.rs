@@ -1,6 +1,6 @@
 //! Set points of the law, for robots that take positions or velocities.
 
-use crate::controller::{Controller, Inner, given, with};
+use crate::controller::{Controller, Follows, Inner, given, with};
 use crate::ffi_guard::{any_numbers, numbers, object, place, room};
 use crate::status::{Fault, Status};
 use vff_core::math::ScalarOrVec;
@@ -66,7 +66,9 @@ impl From<Course> for vff_course {
 }
 
 /// Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
-/// runs on the model, whose state is the set point. Allocates.
+/// runs on the model, whose state is the set point. The past is forgotten, and the reference of a scenario begins `command.blend_time`
+/// after the first set point, at whatever time that is. A robot that is far beyond its stops, or not where that reference begins, is
+/// refused (`VFF_STATUS_REFERENCE`). Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_begin_set_points(
     controller: *mut Controller,
@@ -91,7 +93,12 @@ pub unsafe extern "C" fn vff_controller_begin_set_points(
                 jerk: ScalarOrVec::Each(each("jerk", given.jerk)?),
                 threshold: given.threshold,
             };
-            inner.virtual_arm = Some(VirtualArm::new(&inner.controller, &limits, period, q)?);
+            let arm = VirtualArm::new(&mut inner.controller, &limits, period, q)?;
+            let missed = inner.controller.missed_start();
+            if let Some(missed) = missed.filter(|_| inner.follows == Follows::Scenario) {
+                return Err(Fault::Elsewhere(missed));
+            }
+            inner.virtual_arm = Some(arm);
             Ok(())
         })
     }

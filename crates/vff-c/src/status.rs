@@ -141,6 +141,7 @@ impl From<VirtualArmError> for Fault {
                 Self::NotFinite { name: "q", index, value: given }
             }
             VirtualArmError::NotPositive { name: "period", given } => Self::NoPeriod(given),
+            VirtualArmError::Elsewhere(missed) => Self::Elsewhere(missed),
             error => Self::Limits(error),
         }
     }

@@ -452,7 +452,7 @@ fn loops_are_those_of_the_core() {
             jerk: ScalarOrVec::Uniform(4000.0),
             threshold: 0.1,
         };
-        let mut arm = VirtualArm::new(&expected, &all, 0.001, &READY).unwrap();
+        let mut arm = VirtualArm::new(&mut expected, &all, 0.001, &READY).unwrap();
         for k in 0..200 {
             assert_eq!(step(null(), &raw mut course), Status::Ok);
             arm.step(&mut expected, 0.5, Some(&target), None).unwrap();
@@ -498,6 +498,25 @@ fn a_scenario_is_followed() {
     // SAFETY: it lives.
     assert_eq!(unsafe { vff_controller_follow_scenario(owned.0) }, Status::Ok);
     assert_ne!(elsewhere, torque());
+    // Set points begin where it does, or where others know the way, and not beyond the stops.
+    let [acceleration, jerk] = [[7.5; 7], [4000.0; 7]];
+    let limits = vff_set_point_limits {
+        speed: null(),
+        acceleration: acceleration.as_ptr(),
+        jerk: jerk.as_ptr(),
+        threshold: 0.1,
+    };
+    let begin = |q: &[f64; 7]| {
+        // SAFETY: arrays have the lengths that are given.
+        unsafe { vff_controller_begin_set_points(owned.0, 0.001, &raw const limits, q.as_ptr(), 7) }
+    };
+    let away: [f64; 7] = std::array::from_fn(|i| READY[i] + if i == 0 { 1.0 } else { 0.0 });
+    assert_eq!(begin(&READY), Status::Ok);
+    assert_eq!(begin(&away), Status::Reference);
+    assert!(message().starts_with("the reference begins elsewhere"), "{}", message());
+    assert_eq!(owned.refer(&other, &[], &[]), Status::Ok);
+    assert_eq!(begin(&away), Status::Ok);
+    assert_eq!(begin(&READY.map(f64::to_degrees)), Status::Reference);
 }
 
 /// The robot's own numbers are those of the core.

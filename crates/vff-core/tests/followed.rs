@@ -1,7 +1,11 @@
 //! A plan in somebody else's loop: clock, posture and margins are those of a simulation.
 
 use vff_core::control::output::Phase;
-use vff_core::runtime::{AnyController, CycleError, Reading, Target};
+use vff_core::math::ScalarOrVec;
+use vff_core::runtime::{
+    AnyArm, AnyController, CycleError, MissedStart, Reading, SetPointLimits, Target, VirtualArm,
+    VirtualArmError,
+};
 use vff_core::scenario::Scenario;
 
 const H: f64 = 1e-3;
@@ -169,4 +173,77 @@ fn a_loop_begins_where_its_reference_does() {
         assert_eq!(controller.cycle(at(H, &near), None), Ok(Phase::Starting));
         assert_eq!(controller.cycle(at(1.0, &away), None), Ok(Phase::Starting)); // it has begun
     }
+}
+
+/// A joint that is far beyond its stop is given in another order, sign, zero or unit; one that is a little beyond is brought back.
+#[test]
+fn no_loop_begins_far_beyond_the_stops() {
+    let arm = AnyArm::read(&toml::toml! { model = "panda" }).unwrap();
+    let mut controller = AnyController::new(&arm, &toml::Table::new()).unwrap();
+    controller.begin(H, None).unwrap();
+    let q = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785];
+    let reversed: [f64; 7] = std::array::from_fn(|i| q[6 - i]);
+    let other = "give joints in the order, with the signs and the zeros of the arm";
+    for (k, (said, joint, why)) in [
+        (q.map(f64::to_degrees), 3, "all joints would fit in degrees, give radians"),
+        (q.map(|q| -q), 3, other),
+        (reversed, 5, other),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let t = H * k as f64;
+        let refused = controller.cycle(Some(Reading { t, q: &said, dq: &[0.0; 7] }), None);
+        let Err(CycleError::Elsewhere(missed)) = refused else { panic!("{refused:?}") };
+        assert!(matches!(missed, MissedStart::Stop { joint: j, .. } if j == joint), "{missed}");
+        assert!(missed.to_string().ends_with(why), "{missed}");
+        let made = VirtualArm::new(&mut controller, &limits(), H, &said);
+        assert_eq!(made.err(), Some(VirtualArmError::Elsewhere(missed)));
+    }
+    let near = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 2.8973 + 0.15];
+    controller.begin(H, None).unwrap();
+    let mut set_points = VirtualArm::new(&mut controller, &limits(), H, &near).unwrap();
+    for k in 0..2000 {
+        set_points.step(&mut controller, H * f64::from(k), None, None).unwrap();
+    }
+    assert!(set_points.set_point()[0][6] < 2.8973 + 1e-6);
+    controller.begin(H, None).unwrap();
+    let reading = Reading { t: 0.0, q: &near, dq: &[0.0; 7] };
+    assert_eq!(controller.cycle(Some(reading), None), Ok(Phase::Starting));
+}
+
+fn limits() -> SetPointLimits {
+    let [acceleration, jerk] = [10.0, 1000.0].map(ScalarOrVec::Uniform);
+    SetPointLimits { speed: Some(ScalarOrVec::Uniform(2.0)), acceleration, jerk, threshold: 0.1 }
+}
+
+/// Set points follow the reference from the first on, whatever the clock says and however often they begin, and go nowhere from
+/// elsewhere.
+#[test]
+fn set_points_begin_with_the_reference() {
+    let mut controller = controller();
+    let q = [0.2, 0.3, 0.3, 0.3];
+    let run = |controller: &mut AnyController, q: &[f64], clock: f64| {
+        let mut arm = VirtualArm::new(controller, &limits(), H, q).unwrap();
+        let missed = controller.missed_start();
+        let mut off: f64 = 0.0;
+        for k in 0..1500 {
+            arm.step(controller, clock + H * f64::from(k), None, None).unwrap();
+            let begins = controller.path_time().unwrap();
+            assert!(begins <= f64::max(0.0, H * f64::from(k) - 0.5) + 1e-9, "{clock} {k} {begins}");
+            let planned = controller.planned().unwrap();
+            let ways = arm.set_point()[0].iter().zip(planned).map(|(q, plan)| (q - plan).abs());
+            off = ways.fold(off, f64::max);
+        }
+        (missed.is_some(), off, arm.set_point()[0].to_vec())
+    };
+    let (missed, off, first) = run(&mut controller, &q, 0.0);
+    assert!(!missed && off < 0.1 && first[0] > 0.4, "{off} {first:?}");
+    for clock in [0.0, 1234.5] {
+        let (missed, again, _) = run(&mut controller, &q, clock);
+        assert!(!missed && again < 0.1, "{again}");
+    }
+    let away = [0.2, 0.9, 0.3, 0.3];
+    let (missed, _, last) = run(&mut controller, &away, 0.0);
+    assert!(missed && last.iter().zip(away).all(|(a, b)| (a - b).abs() < 0.05), "{last:?}");
 }

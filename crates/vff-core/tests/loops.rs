@@ -496,7 +496,7 @@ fn set_points_keep_their_limits() {
                 jerk: ScalarOrVec::Uniform(jerk),
                 threshold: 0.1,
             };
-            let mut arm = VirtualArm::new(&bench.controller, &given, period, &q).unwrap();
+            let mut arm = VirtualArm::new(&mut bench.controller, &given, period, &q).unwrap();
             let mut before = vec![0.0; n];
             let widths = bench.controller.widths();
             let still = vec![0.0; widths[1]];

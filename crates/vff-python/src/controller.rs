@@ -125,8 +125,12 @@ impl Controller {
     }
 
     /// Does something with the law among the obstacles of the last call.
-    pub fn with<T>(&self, py: Python<'_>, act: impl FnOnce(&AnyController) -> T) -> PyResult<T> {
-        Ok(act(&self.inner.take(py)?.controller))
+    pub fn with<T>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut AnyController) -> T,
+    ) -> PyResult<T> {
+        Ok(act(&mut self.inner.take(py)?.controller))
     }
 
     /// Does something with the law among these obstacles.

@@ -260,7 +260,7 @@ impl DriveLoop {
         let py = robot.py();
         load_numpy(py)?;
         let (law, nothing) = match controller.cast::<Controller>() {
-            Ok(given) => (given.get().with(py, AnyController::clone)?, given.get().nothing()),
+            Ok(given) => (given.get().with(py, |law| law.clone())?, given.get().nothing()),
             Err(_) => prepared(py, &convert::scenario(controller)?, |scenario| {
                 let law = AnyController::replanning(&scenario)?;
                 let nothing = match law.dimension() {
@@ -394,7 +394,7 @@ impl DriveLoop {
     ) -> PyResult<()> {
         self.is_here()?;
         let like = match controller.cast::<Controller>() {
-            Ok(given) => given.get().with(py, AnyController::clone)?,
+            Ok(given) => given.get().with(py, |law| law.clone())?,
             Err(_) => prepared(py, &convert::scenario(controller)?, |scenario| {
                 AnyController::replanning(&scenario)
             })?,

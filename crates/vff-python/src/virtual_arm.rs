@@ -40,7 +40,8 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 /// Raises
 /// ------
 /// vffnull.errors.InputError
-///     If a number is not positive, an array has the wrong length, or no speed is known.
+///     If a number is not positive, an array has the wrong length, no speed is known, or a joint is more
+///     than 0.2 rad (0.05 m) beyond its stop.
 ///
 /// Examples
 /// --------
@@ -162,15 +163,19 @@ impl VirtualArm {
         Ok((array1(py, &q), array1(py, &dq), array1(py, &ddq), course.name()))
     }
 
-    /// Begin anew at rest at `q` [rad], where the robot is.
+    /// Begin anew at rest at `q` [rad], where the robot is. The controller forgets the past.
     ///
     /// Raises
     /// ------
     /// vffnull.errors.InputError
-    ///     If it has the wrong shape or is not finite.
+    ///     If it has the wrong shape, is not finite, or is more than 0.2 rad (0.05 m) beyond a stop.
     fn begin(&self, py: Python<'_>, q: &Bound<'_, PyAny>) -> PyResult<()> {
         let q = vector("q", q, self.n)?;
-        self.inner.take(py)?.begin(&q).map_err(|error| refused(&error))
+        let begun: PyResult<_> = self
+            .controller
+            .get()
+            .with(py, |controller| Ok(self.inner.take(py)?.begin(controller, &q)))?;
+        begun?.map_err(|error| refused(&error))
     }
 
     /// Stop the model from the next cycle on, within its limits.

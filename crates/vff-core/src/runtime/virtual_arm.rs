@@ -3,7 +3,7 @@
 //! The joints of the model have limits of speed, acceleration and jerk ([`LimitedJoint`]), and the law sees what they make of it. If the
 //! robot parts from the model, because it is held or its drives are weak, the model comes to the robot within the same limits.
 
-use super::controller::{AnyController, Target};
+use super::controller::{AnyController, MissedStart, Target};
 use crate::math::rotation::NotARotation;
 use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
 
@@ -80,6 +80,9 @@ pub enum VirtualArmError {
         /// What it is.
         given: f64,
     },
+    /// No loop begins with this posture.
+    #[error(transparent)]
+    Elsewhere(#[from] MissedStart),
 }
 
 /// The arm that the set points are those of. Nothing allocates after construction.
@@ -101,7 +104,7 @@ pub enum VirtualArmError {
 ///     threshold: 0.1,
 /// };
 /// let q = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8];
-/// let mut model = VirtualArm::new(&controller, &limits, 0.001, &q)?;
+/// let mut model = VirtualArm::new(&mut controller, &limits, 0.001, &q)?;
 /// let target = Target { x: &[0.5, 0.0, 0.5], dx: &[0.0; 3], ddx: &[0.0; 3] };
 /// for k in 0..100 {
 ///     model.step(&mut controller, 0.001 * f64::from(k), Some(&target), None)?;
@@ -109,7 +112,7 @@ pub enum VirtualArmError {
 /// let [_, _, ddq] = model.set_point();
 /// assert!(ddq.iter().all(|ddq| ddq.abs() <= 5.0));
 /// assert_eq!(model.course(), Course::Following);
-/// let refused = VirtualArm::new(&controller, &limits, -1.0, &q).unwrap_err();
+/// let refused = VirtualArm::new(&mut controller, &limits, -1.0, &q).unwrap_err();
 /// assert!(matches!(refused, VirtualArmError::NotPositive { .. }));
 /// # Ok(())
 /// # }
@@ -140,15 +143,30 @@ impl VirtualArm {
     /// A joint that is no faster stands \[rad/s, m/s\].
     const STANDS: f64 = 1e-3;
 
-    /// The model of the arm of `controller`, at rest at `q`, in cycles of `period` \[s\].
+    /// The model of the arm of `controller`, at rest at `q`, in cycles of `period` \[s\]; see [`begin`](Self::begin).
     ///
     /// # Errors
-    /// If a number is not what it has to be.
+    /// If a number is not what it has to be, or a joint is far beyond its stops.
     pub fn new(
-        controller: &AnyController,
+        controller: &mut AnyController,
         limits: &SetPointLimits,
         period: f64,
         q: &[f64],
+    ) -> Result<Self, VirtualArmError> {
+        let mut this = Self::anywhere(controller, limits, period)?;
+        if q.len() != this.joints.len() {
+            let expected = this.joints.len();
+            return Err(VirtualArmError::Length { name: "q", expected, given: q.len() });
+        }
+        this.begin(controller, q)?;
+        Ok(this)
+    }
+
+    /// One that has yet to begin.
+    pub(super) fn anywhere(
+        controller: &AnyController,
+        limits: &SetPointLimits,
+        period: f64,
     ) -> Result<Self, VirtualArmError> {
         let n = controller.dof();
         let arm = controller.limits();
@@ -164,9 +182,6 @@ impl VirtualArm {
         }
         positive("threshold", *threshold)?;
         positive("period", period)?;
-        if q.len() != n {
-            return Err(VirtualArmError::Length { name: "q", expected: n, given: q.len() });
-        }
         let bounds = |i: usize| JointBounds {
             position: arm.joint.get(i).copied().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]),
             speed: speed.get(i),
@@ -174,33 +189,37 @@ impl VirtualArm {
             jerk: jerk.get(i),
         };
         let zeros = || vec![0.0; n];
-        let mut this = Self {
+        Ok(Self {
             period,
             threshold: *threshold,
-            joints: (0..n).map(|i| LimitedJoint::new(bounds(i), q[i])).collect(),
+            joints: (0..n).map(|i| LimitedJoint::new(bounds(i), 0.0)).collect(),
             out: [zeros(), zeros(), zeros()],
             wanted: zeros(),
             course: Course::Following,
             heard: false,
             missed: 0,
             stops: false,
-        };
-        this.begin(q)?;
-        Ok(this)
+        })
     }
 
-    /// Begins anew, at rest at `q`. Does not allocate.
+    /// Begins anew, at rest at `q`. The controller forgets the past, and the reference of its scenario begins with the first
+    /// [`step`](Self::step), at whatever time that is; from where that [is not](super::ErasedController::missed_start), the model stays.
     ///
     /// # Errors
-    /// If a number is not finite; then nothing has changed.
+    /// If a number is not finite, or a joint is far beyond its stops; then nothing has changed.
     ///
     /// # Panics
     /// If it has the wrong length.
-    pub fn begin(&mut self, q: &[f64]) -> Result<(), VirtualArmError> {
+    pub fn begin(
+        &mut self,
+        controller: &mut AnyController,
+        q: &[f64],
+    ) -> Result<(), VirtualArmError> {
         assert_eq!(q.len(), self.joints.len());
         if let Some(index) = q.iter().position(|q| !q.is_finite()) {
             return Err(VirtualArmError::NotFinite { index, given: q[index] });
         }
+        controller.begin_at_rest(q)?;
         for (joint, q) in self.joints.iter_mut().zip(q) {
             joint.rest_at(*q);
         }

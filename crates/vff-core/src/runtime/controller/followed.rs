@@ -17,7 +17,8 @@ const NEAR: f64 = 0.1;
 /// How much farther an end effector may be from where another reference begins than in the scenario \[m, rad\].
 const NEARLY_THERE: [f64; 2] = [0.1, 0.2];
 
-/// Where a robot is too far from the beginning of the reference of its scenario for a loop to begin: it would be thrown there.
+/// Why a loop does not begin where a robot is: far from the beginning of the reference of its scenario, or beyond its stops. It would
+/// be thrown.
 ///
 /// # Example
 /// ```
@@ -43,6 +44,21 @@ const NEARLY_THERE: [f64; 2] = [0.1, 0.2];
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MissedStart {
+    /// A joint, from where it can be: it is given in another order, or with another sign, zero or unit.
+    #[error(
+        "joint {joint} is at {q:.3}, far beyond its stop at {stop:.3}: {}",
+        if *in_degrees { "all joints would fit in degrees, give radians" } else { "give joints in the order, with the signs and the zeros of the arm" }
+    )]
+    Stop {
+        /// Which, counted from 0.
+        joint: usize,
+        /// Where it is \[rad, m\].
+        q: f64,
+        /// The nearest it can be \[rad, m\].
+        stop: f64,
+        /// Whether all would be between their stops were they degrees.
+        in_degrees: bool,
+    },
     /// A joint, from that of a plan.
     #[error("the plan begins elsewhere: joint {joint} is at {q:.3}, the plan has it at {first:.3}")]
     Joint {
@@ -74,8 +90,10 @@ pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
     governor: Option<Governor>,
     /// Makes other plans.
     replanning: Option<Box<dyn Replan<S, D, M>>>,
-    /// The time of the loop at which it begins \[s\]; None in a loop that is watched over, until there is a state.
+    /// The time of the loop at which it begins \[s\]; None in a loop that is watched over or sets points, until there is a state.
     begins: Option<f64>,
+    /// Whether a loop that sets points has begun.
+    waits: bool,
     /// Where the end effector of its scenario is then.
     start: S::Pose,
 }
@@ -83,7 +101,14 @@ pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
 impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
     /// From time 0 on, when the end effector of the scenario is at `start`.
     pub(super) fn new(trajectory: Trajectory<S::Pose, M>, start: S::Pose) -> Self {
-        Self { trajectory, governor: None, replanning: None, begins: Some(0.0), start }
+        Self {
+            trajectory,
+            governor: None,
+            replanning: None,
+            begins: Some(0.0),
+            waits: false,
+            start,
+        }
     }
 
     /// From now on `replanning` watches over it, in a thread of its own.
@@ -132,10 +157,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
     }
 
+    /// From now on it begins with the first state.
+    pub(super) fn wait_for_a_state(&mut self) {
+        self.waits = true;
+    }
+
     /// Begins anew: at time 0, or, in a loop that is watched over, with its first state.
     pub(super) fn restart(&mut self, watched: bool) {
         self.governor = None;
-        self.begins = (!watched).then_some(0.0);
+        self.begins = (!watched && !self.waits).then_some(0.0);
         if let Some(replanning) = &mut self.replanning {
             self.trajectory = replanning.restart();
         }

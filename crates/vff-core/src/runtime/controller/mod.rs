@@ -68,7 +68,7 @@ pub enum CycleError {
     /// The target is no reference.
     #[error(transparent)]
     Target(#[from] NotARotation),
-    /// The reference of the scenario is not begun from where the robot is.
+    /// A loop does not begin where the robot is.
     #[error(transparent)]
     Elsewhere(#[from] MissedStart),
 }
@@ -397,8 +397,8 @@ pub trait ErasedController: Debug + Send {
     /// does not depend on other calls with other states in between.
     ///
     /// # Errors
-    /// If there is no loop, or the target is no reference; then nothing has changed. If there is none and the arm is not where the
-    /// reference of the scenario begins; then nothing is to be sent.
+    /// If there is no loop, or the target is no reference; then nothing has changed. If the loop would begin with an arm far beyond
+    /// its stops or, without a target, not where the reference of the scenario begins; then nothing is to be sent.
     ///
     /// # Panics
     /// If a slice has the wrong length.
@@ -518,6 +518,12 @@ pub trait ErasedController: Debug + Send {
 
     /// Why the arm, where it was observed, is too far from where this reference begins; None if it is not, or that has begun.
     fn missed_start(&self) -> Option<MissedStart>;
+
+    /// Forgets the past of an arm that is at rest at `q` \[rad, m\], (n). The reference of its scenario begins with the first cycle.
+    ///
+    /// # Errors
+    /// If a joint is far beyond its stops; then nothing has changed.
+    fn begin_at_rest(&mut self, q: &[f64]) -> Result<(), MissedStart>;
 
     /// Where the clock of this reference is \[s\]: in a loop that is watched over it begins when the torque has been blended in, and
     /// with `governor` it waits. None without such a reference.

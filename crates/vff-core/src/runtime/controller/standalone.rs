@@ -1,6 +1,7 @@
 //! A controller that is called from outside, with what is around it and what it remembers.
 
 mod aside;
+mod beginning;
 mod made;
 mod placing;
 mod succession;
@@ -15,7 +16,7 @@ use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
-use crate::robot::{Limits, Manipulator, Model, Robot};
+use crate::robot::{Limits, Model, Robot};
 use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
 use crate::scenario::{self, FromDocument, ScenarioError};
@@ -132,18 +133,11 @@ impl<S, const D: usize, const M: usize> Standalone<S, D, M>
 where
     S: System<D, M, State: FromNumbers<D, M, Pose = <S as System<D, M>>::Pose>>,
 {
-    /// Why the arm is too far from where the reference of the scenario begins, if it is.
-    fn elsewhere(&self) -> Option<MissedStart> {
-        let robot = self.controller.robot();
-        let followed = self.followed.as_ref().filter(|followed| !followed.has_begun())?;
-        followed.missed_start(robot.configuration(), &robot.pose())
-    }
-
     /// The law at the observed state, for a target, or for the reference of the scenario, which `goes_on` by that, or to stay
     /// where it is.
     fn act_for(&mut self, target: Option<&Target<'_>>, goes_on: bool) {
         // The arm is not thrown to where that begins: it waits until the arm is there.
-        let waits = goes_on && target.is_none() && self.elsewhere().is_some();
+        let waits = goes_on && target.is_none() && self.missed().is_some();
         if let Some(target) = target {
             if self.followed.is_some() {
                 self.controller.leave_plan();
@@ -356,10 +350,8 @@ where
             let elapsed = self.observe_at(q, dq, t);
             self.reached = Some(t - self.epoch);
             let begins = !supervisor.has_begun() && supervisor.wants_torque();
-            if begins
-                && target.is_none()
-                && let Some(missed) = self.elsewhere()
-            {
+            let elsewhere = || self.missed().filter(|_| target.is_none());
+            if begins && let Some(missed) = self.far_beyond(q).or_else(elsewhere) {
                 self.supervisor = Some(supervisor);
                 return Err(missed.into());
             }
@@ -486,7 +478,13 @@ where
     }
 
     fn missed_start(&self) -> Option<MissedStart> {
-        self.elsewhere()
+        self.missed()
+    }
+
+    fn begin_at_rest(&mut self, q: &[f64]) -> Result<(), MissedStart> {
+        self.stand_at(q)?;
+        self.forget();
+        Ok(())
     }
 
     fn path_time(&self) -> Option<f64> {

@@ -194,7 +194,7 @@ impl<D: Driver> Loop<D> {
             CommandKind::Torque => None,
             kind => {
                 let limits = options.limits.as_ref().ok_or(DriveError::NoLimits)?;
-                let model = VirtualArm::new(&controller, limits, period, &vec![0.0; n])?;
+                let model = VirtualArm::anywhere(&controller, limits, period)?;
                 Some((model, kind == CommandKind::Position))
             }
         };
@@ -303,6 +303,8 @@ impl Inner {
             return Err(Fault::Begin(SuccessionError::Unmeasured.to_string()));
         }
         self.last = f64::NEG_INFINITY;
+        let refused = |why: &dyn ToString| Fault::Begin(why.to_string());
+        self.controller.begin_at_rest(&self.q).map_err(|beyond| refused(&beyond))?;
         self.controller.observe(&self.q, &self.dq, 0.0);
         let mut measured = vec![0.0; self.q.len()];
         if is_felt {
@@ -313,9 +315,9 @@ impl Inner {
             self.controller.holding_torque(&mut measured);
         }
         let begun = self.controller.begin(1.0 / self.options.rate, Some(&measured));
-        begun.map_err(|error| Fault::Begin(error.to_string()))?;
+        begun.map_err(|error| refused(&error))?;
         if let Some((model, _)) = &mut self.model {
-            model.begin(&self.q).map_err(|error| Fault::Begin(error.to_string()))?;
+            model.begin(&mut self.controller, &self.q).map_err(|error| refused(&error))?;
         }
         // It goes on from here if no reference comes, unless the controller has one of its own.
         self.controller.observe(&self.q, &self.dq, 0.0);
@@ -328,7 +330,7 @@ impl Inner {
         if !controller.has_reference() {
             self.given = Some((now.clone(), 0.0));
         } else if let Some(missed) = controller.missed_start() {
-            return Err(Fault::Begin(missed.to_string()));
+            return Err(refused(&missed));
         }
         Ok(())
     }

@@ -387,6 +387,33 @@ fn set_points() {
     }
 }
 
+/// An arm whose joints are in degrees is refused before anything is written.
+#[test]
+fn another_language_is_not_begun_with() {
+    struct Degrees(Arc<Mutex<u32>>);
+    impl Driver for Degrees {
+        fn read(&mut self, q: &mut [f64], dq: &mut [f64]) -> Result<f64, String> {
+            q.copy_from_slice(&[0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0]);
+            dq.fill(0.0);
+            Ok(7.0)
+        }
+        fn write(&mut self, _: &[f64]) -> Result<(), String> {
+            *self.0.lock().unwrap() += 1;
+            Ok(())
+        }
+    }
+    let arm = AnyArm::read(&toml::toml! { model = "panda" }).unwrap();
+    let controller = AnyController::new(&arm, &toml::Table::new()).unwrap();
+    let written = Arc::default();
+    let (drive, _) = Loop::new(Degrees(Arc::clone(&written)), controller, half_a_second()).unwrap();
+    let Ending::Faulted(fault) = drive.run().ending else { panic!() };
+    assert_eq!(
+        fault.to_string(),
+        "the robot failed to start: joint 3 is at -135.000, far beyond its stop at -3.072: all joints would fit in degrees, give radians"
+    );
+    assert_eq!(*written.lock().unwrap(), 0);
+}
+
 /// A rate at which the damping would be unstable is refused before anything moves.
 #[test]
 fn what_cannot_be() {
