@@ -5,7 +5,7 @@ use toml::Table;
 use vff_core::control::output::Phase;
 use vff_core::math::ScalarOrVec;
 use vff_core::runtime::{
-    AnyArm, AnyController, AnyState, Reading, SetPointLimits, Target, VirtualArm,
+    AnyArm, AnyController, AnyState, Course, Reading, SetPointLimits, Target, VirtualArm,
 };
 
 const H: f64 = 1e-3;
@@ -522,6 +522,48 @@ fn set_points_keep_their_limits() {
                     }
                 }
                 before.copy_from_slice(ddq);
+            }
+        }
+    }
+}
+
+/// Set points that wait, stop or have finished come to rest, without turning back or shaking.
+#[test]
+fn set_points_come_to_rest() {
+    for period in [1e-3, 8e-3, 2e-2, 0.1] {
+        for jerk in [20.0, 500.0, 4000.0] {
+            let mut bench = Bench::new(&PLACES[0], WAYS[0], "");
+            let given = SetPointLimits {
+                speed: None,
+                acceleration: ScalarOrVec::Uniform(10.0),
+                jerk: ScalarOrVec::Uniform(jerk),
+                threshold: 0.1,
+            };
+            let mut arm =
+                VirtualArm::new(&mut bench.controller, &given, period, &PLACES[0].q).unwrap();
+            let widths = bench.controller.widths();
+            let (mut x, still) = (vec![0.0; widths[0]], vec![0.0; widths[1]]);
+            bench.controller.write_pose(&mut x);
+            x[1] += 0.3;
+            let target = Target { x: &x, dx: &still, ddx: &still };
+            let stops = (0.3 / period) as usize;
+            let mut moved: Vec<f64> = vec![];
+            for k in 0..stops + (8.0 / period) as usize {
+                if k == stops {
+                    arm.stop();
+                    moved = arm.set_point()[1].to_vec();
+                }
+                arm.step(&mut bench.controller, period * k as f64, Some(&target), None).unwrap();
+                let [_, dq, ddq] = arm.set_point();
+                let what = format!("{period} {jerk} {k}");
+                if period < 0.05 && k as f64 * period > 1.5 {
+                    let back = dq.iter().zip(&moved).all(|(dq, moved)| dq * moved > -0.05);
+                    assert!(back, "{what} {dq:?} {moved:?}");
+                }
+                if k as f64 * period > 6.0 {
+                    assert!(ddq.iter().chain(dq).all(|x| x.abs() < 1e-6), "{what} {ddq:?}");
+                    assert_eq!(arm.course(), Course::Finished);
+                }
             }
         }
     }

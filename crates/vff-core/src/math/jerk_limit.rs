@@ -131,6 +131,11 @@ impl LimitedJoint {
         *self = Self::new(self.bounds, q);
     }
 
+    /// What it may do.
+    pub fn bounds(&self) -> &JointBounds {
+        &self.bounds
+    }
+
     /// Where it is.
     pub fn motion(&self) -> JointMotion {
         self.motion

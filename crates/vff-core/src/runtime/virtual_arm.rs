@@ -266,13 +266,13 @@ impl VirtualArm {
         self.course = self.choose(measured);
         let rate = Self::RATE;
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            let JointMotion { q: at, dq: moves, ddq } = joint.motion();
+            let JointMotion { q: at, dq: moves, .. } = joint.motion();
             let wanted = match (self.course, measured) {
                 (Course::Following, _) => self.wanted[i],
                 (Course::Rejoining, Some([q, dq])) => {
                     -rate * rate * (at - q[i]) - 2.0 * rate * (moves - dq[i])
                 }
-                _ => -rate * moves - ddq,
+                _ => -rate * moves * behind_jerk(rate * moves, rate, joint.bounds().jerk),
             };
             joint.advance(wanted, self.period);
         }
@@ -327,6 +327,12 @@ impl VirtualArm {
             (q[i], dq[i], ddq[i]) = (motion.q, motion.dq, motion.ddq);
         }
     }
+}
+
+/// The share of an acceleration `ddq` that is for a change of velocity at a `rate` \[1/s\], ddq/rate, which a joint behind a limit of
+/// jerk can take back in time: with √(jerk·change) the acceleration ends as the change does.
+fn behind_jerk(ddq: f64, rate: f64, jerk: f64) -> f64 {
+    (jerk / (rate * ddq.abs())).sqrt().min(1.0)
 }
 
 fn positive(name: &'static str, given: f64) -> Result<(), VirtualArmError> {
