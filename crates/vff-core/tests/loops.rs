@@ -568,3 +568,51 @@ fn set_points_come_to_rest() {
         }
     }
 }
+
+/// Where what the law wants is more than the joints can do, the set points come to where they are wanted nevertheless, or as near as the
+/// arm reaches, no faster than the tip may be but for a little.
+#[test]
+fn set_points_do_not_swing_beyond_what_joints_can_do() {
+    let slow = "stiffness = 50\ndamping = 14.1\nnull_damping = 10\ncommand = { tip_speed = 0.25 }";
+    let far = "task = 'pose'\nstiffness = 100\ndamping = 20\nnull_damping = 10\ncommand = { tip_speed = 0.25 }";
+    let xarm: &[f64] = &[0.0, 0.3, 0.0, 0.9, 0.0, 0.6, 0.0];
+    // By how much the target moves in so many seconds, and how far from it the hand has to be at the end at most.
+    for (model, settings, q, [acceleration, jerk, period], way, [seconds, most]) in [
+        ("xarm7", slow, xarm, [20.0, 20.0, 4e-3], [0.0, 0.1, 0.0], [1e-3, 2e-3]),
+        ("panda", far, PLACES[0].q, [7.5, 3750.0, 1e-3], [0.2, 0.4, 0.2], [3.0, 0.045]),
+    ] {
+        let arm = AnyArm::read(&table(&format!("model = '{model}'"))).unwrap();
+        let mut controller = AnyController::new(&arm, &table(settings)).unwrap();
+        let given = SetPointLimits {
+            speed: None,
+            acceleration: ScalarOrVec::Uniform(acceleration),
+            jerk: ScalarOrVec::Uniform(jerk),
+            threshold: 0.1,
+        };
+        let mut virtual_arm = VirtualArm::new(&mut controller, &given, period, q).unwrap();
+        let widths = controller.widths();
+        let mut start = vec![0.0; widths[0]];
+        controller.write_pose(&mut start);
+        let (mut x, mut before, still) = (start.clone(), start.clone(), vec![0.0; widths[1]]);
+        let (mut fastest, mut off, mut last) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for k in 0..(9.0 / period) as usize {
+            let t = period * k as f64;
+            let s = (t / seconds).min(1.0);
+            let s = s.powi(3) * (10.0 + s * (6.0 * s - 15.0));
+            (0..3).for_each(|i| x[i] = start[i] + s * way[i]);
+            let target = Target { x: &x, dx: &still, ddx: &still };
+            virtual_arm.step(&mut controller, t, Some(&target), None).unwrap();
+            let mut pose = vec![0.0; widths[0]];
+            controller.write_pose(&mut pose);
+            let far =
+                |a: &[f64], b: &[f64]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+            let speed = far(&pose, &before) / period;
+            fastest = fastest.max(speed);
+            if t > 8.0 {
+                (off, last) = (off.max(far(&pose, &x)), last.max(speed));
+            }
+            before = pose;
+        }
+        assert!(fastest < 0.35 && last < 0.02 && off < most, "{model} {fastest} {last} {off}");
+    }
+}

@@ -4,6 +4,7 @@
 //! robot parts from the model, because it is held or its drives are weak, the model comes to the robot within the same limits.
 
 use super::controller::{AnyController, MissedStart, Target};
+use crate::control::Settings;
 use crate::math::rotation::NotARotation;
 use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
 
@@ -136,6 +137,8 @@ pub struct VirtualArm {
 impl VirtualArm {
     /// ω \[1/s\], the rate at which the model comes to the robot, and stops.
     const RATE: f64 = 10.0;
+    /// Share of the largest acceleration that damps where the law wants more than there is; the rest follows the law.
+    const BRAKED: f64 = 0.5;
     /// Share of the threshold within which they have met.
     const MET: f64 = 0.25;
     /// Cycles in a row without a word of the robot after which the model stops.
@@ -265,12 +268,14 @@ impl VirtualArm {
         controller.accelerate(target, true, &mut self.wanted)?;
         self.course = self.choose(measured);
         let rate = Self::RATE;
+        let [share, brake] = self.share(controller.settings());
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let JointMotion { q: at, dq: moves, .. } = joint.motion();
             let wanted = match (self.course, measured) {
-                (Course::Following, _) => self.wanted[i],
+                (Course::Following, _) => share * self.wanted[i] - brake * moves,
                 (Course::Rejoining, Some([q, dq])) => {
-                    -rate * rate * (at - q[i]) - 2.0 * rate * (moves - dq[i])
+                    let ddq = -rate * rate * (at - q[i]) - 2.0 * rate * (moves - dq[i]);
+                    ddq * behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk)
                 }
                 _ => -rate * moves * behind_jerk(rate * moves, rate, joint.bounds().jerk),
             };
@@ -278,6 +283,22 @@ impl VirtualArm {
         }
         self.hand_out();
         Ok(self.course)
+    }
+
+    /// The share of what the law wants that all joints can do at the same time, so that the way is the one it wants, and with what they
+    /// are damped for what is missing of their acceleration \[1/s\]: the law does not know these limits, and would swing ever farther.
+    fn share(&self, settings: &Settings) -> [f64; 2] {
+        let Settings { stiffness, damping, null_damping, .. } = settings;
+        let rates = damping.values().iter().chain(null_damping.values()).copied();
+        let rate = stiffness.values().iter().map(|k| k.sqrt()).chain(rates).fold(0.0, f64::max);
+        let ([mut strong, mut soon], mut brake) = ([1.0_f64; 2], f64::INFINITY);
+        for (joint, ddq) in self.joints.iter().zip(&self.wanted) {
+            let JointBounds { acceleration, jerk, .. } = joint.bounds();
+            strong = strong.min(acceleration / ddq.abs());
+            brake = brake.min(Self::BRAKED * acceleration / joint.motion().dq.abs());
+            soon = soon.min(behind_jerk(*ddq, rate, *jerk));
+        }
+        [strong.min(soon), brake.min((1.0 - strong) * Self::RATE)]
     }
 
     /// What the next set point comes from.
