@@ -211,7 +211,7 @@ impl JointBounds {
         [lower, upper]
     }
 
-    /// The least and the largest q̈ with which joint `i` stays between these angles (T162).
+    /// The least and the largest q̈ with which joint `i` stays between these angles, or comes back to them (T162).
     fn stopping<R: Robot<D>, const D: usize>(
         &self,
         robot: &R,
@@ -230,7 +230,8 @@ impl JointBounds {
         });
         let k = stopping_pole(self.rate, deceleration, dq);
         let change = 2.0 * k * dq;
-        [-change - k * k * (q - low), -change + k * k * (high - q)]
+        let height = |height| returned(height, self.speed[i], k);
+        [-change - k * k * height(q - low), -change + k * k * height(high - q)]
     }
 
     /// Behind a limit of the torque rate: (T131) for the angle and (T132) for the speed.
@@ -284,6 +285,12 @@ impl JointBounds {
 /// k_i of (T162) \[1/s\]: `rate`, or less where a joint at the speed `dq` would have to brake faster than its `deceleration` (T163).
 fn stopping_pole(rate: f64, deceleration: f64, dq: f64) -> f64 {
     rate.min(BRAKING * deceleration / dq.abs()).max(rate.min(SLOWEST))
+}
+
+/// How far a stop counts as away that is `height` away: from beyond it, where that is less than 0, a joint with the pole `k` comes back
+/// with half of its largest speed `most`.
+fn returned(height: f64, most: f64, k: f64) -> f64 {
+    height.max(-most / k)
 }
 
 /// What is added to the braking of a joint beyond its largest speed `most` at the speed `dq`, which has that sign (T164).
@@ -350,6 +357,23 @@ mod tests {
                 prop_assert!(hardest > 0.5 * deceleration, "{hardest}");
             }
         }
+    }
+
+    /// Stops that move past a joint, as of another arm in a loop, do not throw it, and bring it back.
+    #[test]
+    fn a_joint_beyond_its_stop_comes_back_slowly() {
+        const PERIOD: f64 = 1e-3;
+        for beyond in [0.01, 0.1, 0.5, 2.0] {
+            let (mut height, mut dq, mut fastest) = (-beyond, 0.0_f64, 0.0_f64);
+            for _ in 0..4000 {
+                let ddq = -2.0 * 40.0 * dq + 40.0 * 40.0 * -returned(height, 2.0, 40.0);
+                dq += PERIOD * ddq;
+                height += PERIOD * dq;
+                fastest = fastest.max(dq);
+            }
+            assert!(fastest < 1.01 && height.abs() < 1e-3, "{beyond} {fastest} {height}");
+        }
+        assert!(returned(-0.04, 2.0, 40.0) + 0.04 == 0.0); // a little beyond, as before
     }
 
     /// (T164) leaves a joint alone that is within a thousandth of its limit, and is continuous there.
