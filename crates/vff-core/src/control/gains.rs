@@ -106,6 +106,13 @@ fn posture_of(settings: &Settings) -> impl Iterator<Item = (f64, f64)> + '_ {
     rest.map(|(i, q)| (*q, settings.posture_stiffness.get(i)))
 }
 
+impl Settings {
+    /// The characteristic length \[m\]: that of `arm`, where nothing else is said.
+    pub(crate) fn length_of<A: Model<D>, const D: usize>(&self, arm: &A) -> f64 {
+        self.characteristic_length.unwrap_or_else(|| arm.characteristic_length())
+    }
+}
+
 impl<const M: usize> Gains<M> {
     /// Resolves settings whose lengths `scenario` has validated.
     pub fn new(settings: &Settings) -> Self {
@@ -123,9 +130,7 @@ impl<const M: usize> Gains<M> {
     /// The same with the characteristic length of `arm`, where the settings leave it open.
     #[must_use]
     pub fn of_arm<A: Model<D>, const D: usize>(self, settings: &Settings, arm: &A) -> Self {
-        let characteristic_length =
-            settings.characteristic_length.unwrap_or_else(|| arm.characteristic_length());
-        Self { characteristic_length, ..self }
+        Self { characteristic_length: settings.length_of(arm), ..self }
     }
 
     /// The same with random numbers from `seed`.

@@ -6,7 +6,7 @@
 use super::observation::{POSE_IN_SPACE, shown_axes};
 use super::run::AnyRun;
 use crate::math::ScalarOrVec;
-use crate::scenario::{self, Scenario, ScenarioError};
+use crate::scenario::{self, AnyScene, Scenario, ScenarioError};
 use crate::scenario::{each, number};
 use crate::settings::{NOT_NEGATIVE, POSITIVE};
 use crate::simulation::PerceptionKind;
@@ -178,7 +178,7 @@ impl Task {
             periods: periods(settings.period, options.control_period())?,
             plant_steps: options.control_every,
             last: options.steps(scenario.duration),
-            layout: layout(&scenario, &run, &torque),
+            layout: layout(&scenario, &run, &torque, settings.start_noise),
             ranges: limits.joint.clone(),
             torque,
             settings,
@@ -260,11 +260,26 @@ fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
     Ok(count as usize)
 }
 
-/// What an observation of this scenario consists of, where an action of 1 is this `torque` \[N·m, N\].
-fn layout(scenario: &Scenario, run: &AnyRun, torque: &[f64]) -> Vec<Part> {
+/// A distance from the base beyond which the end effector does not come in this scenario \[m\], where it starts so far from q0: a
+/// joint slides as far as it comes in that time, and no farther than to its ends.
+fn reach(scenario: &Scenario, run: &AnyRun, noise: f64) -> f64 {
+    let AnyScene::Space(scene) = &scenario.scene else { return run.reach() };
+    let Ok(arm) = scene.arm.build() else { return run.reach() };
+    let limits = run.limits();
+    arm.stretched(|i| {
+        let end =
+            limits.joint.get(i).map_or(f64::INFINITY, |[low, high]| low.abs().max(high.abs()));
+        let speed = limits.velocity.get(i).map_or(MAX_SPEED, |limit| limit.min(MAX_SPEED));
+        end.min(scenario.q0[i].abs() + noise + speed * scenario.duration)
+    })
+}
+
+/// What an observation of this scenario consists of, where an action of 1 is this `torque` \[N·m, N\] and a joint starts within
+/// `noise` of q0 \[rad, m\].
+fn layout(scenario: &Scenario, run: &AnyRun, torque: &[f64], noise: f64) -> Vec<Part> {
     let s = run.snapshot();
     let (d, n, m, k) = (s.dimension, s.q.len(), s.error.len(), scenario.scene.obstacle_count());
-    let reach = run.reach();
+    let reach = reach(scenario, run, noise);
     let far = 2.0 * reach;
     let top_speed = scenario.scene.top_speed().max(1.0);
     let part = |name, shape, bound| Part { name, shape, bound };

@@ -125,7 +125,9 @@ impl Scenario {
         let odd = match trajectory.joints() {
             Some(_) => None,
             None => {
-                S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration).err()
+                let length = self.controller.length_of(&*arm);
+                S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration, length)
+                    .err()
             }
         };
         match (odd, self.unreachable) {

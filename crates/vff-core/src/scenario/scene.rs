@@ -80,7 +80,8 @@ pub trait FromDocument<const D: usize>:
 pub trait CheckReach<const D: usize, const M: usize>:
     FromDocument<D> + System<D, M, Pose: Guided<M, Reference = <Self as FromDocument<D>>::Reference>>
 {
-    /// Whether the end effector can be wherever `trajectory` wants it to be within `options.steps(duration)`, from `q0` on.
+    /// Whether the end effector can be wherever `trajectory` wants it to be within `options.steps(duration)`, from `q0` on; a search
+    /// counts an angle as its arc at `length` \[m\].
     ///
     /// # Errors
     /// [`Problem::Unreachable`](super::Problem::Unreachable), or the like, with the time.
@@ -90,6 +91,7 @@ pub trait CheckReach<const D: usize, const M: usize>:
         q0: &[f64],
         options: &Options,
         duration: f64,
+        length: f64,
     ) -> Result<(), ScenarioError>;
 }
 

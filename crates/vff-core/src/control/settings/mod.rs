@@ -178,7 +178,7 @@ settings! {
         /// is known, where the clock counts, unlimited in a simulation, where 1000 units of work count as a microsecond.
         deadline: Option<Deadline> = None, "µs", POSITIVE;
         /// Where metres and radians of a task are put together, an angle counts as its arc at this radius; none: 1 in the
-        /// plane, a sixth of the reach in space.
+        /// plane, in space a sixth of links and tool in one line.
         characteristic_length: Option<f64> = None, "m", POSITIVE;
         /// The task force is damped where an eigenvalue of the inverse task inertia is below this / (mass of the arm).
         singularity: f64 = 0.03, "", POSITIVE;

@@ -115,7 +115,7 @@ fn assess_for<S: Judged<D, M>, const D: usize, const M: usize>(
     let search = Search::<S::Chain, S::Geometry, D, M> {
         pieces: search::pieces(scenario.duration, scenario.q0.len())?,
         start: scenario.q0.clone(),
-        length: arm.characteristic_length(),
+        length: scenario.controller.length_of(&*arm),
         trajectory: Trajectory::new(&scene.reference, &chain.pose())
             .map_err(|error| unusable(&error))?,
         world,

@@ -43,13 +43,15 @@ impl SpatialArm {
     /// A distance from the base \[m\] that the tool cannot exceed: all placements in one line, and
     /// prismatic joints at their limits; infinite where such a joint has none.
     pub fn reach_bound(&self) -> f64 {
+        self.stretched(|i| self.range(i).map(f64::abs).into_iter().fold(0.0, f64::max))
+    }
+
+    /// The same with every prismatic joint as far from 0 as `slid` says \[m\].
+    pub(crate) fn stretched(&self, slid: impl Fn(usize) -> f64) -> f64 {
         let description = self.description();
         let links: f64 = (description.joints.iter().zip(&self.fixed).enumerate())
             .map(|(i, (joint, fixed))| {
-                let slide = match self.range(i) {
-                    [lower, upper] if fixed.slides => lower.abs().max(upper.abs()),
-                    _ => 0.0,
-                };
+                let slide = if fixed.slides { slid(i) } else { 0.0 };
                 Vector::from(joint.position).norm() + slide
             })
             .sum();
@@ -120,6 +122,7 @@ fn spread(k: usize, i: usize, n: usize) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::Shape;
+    use crate::robot::Model;
     use crate::robot::description::{ArmDescription, Frame, JointKind, LinkShape, PlacedShape};
     use crate::robot::spatial::cases::{case, link};
     use crate::robot::spatial::dense;
@@ -171,11 +174,16 @@ mod tests {
         joints[2].axis = [1.0, 0.0, 0.0];
         let tool = Frame { position: [0.2, 0.0, 0.0], ..Frame::default() };
         let mut description = ArmDescription { joints, tool, ..ArmDescription::default() };
-        let unlimited = SpatialArm::new(description.clone()).unwrap();
+        let unlimited = Arc::new(SpatialArm::new(description.clone()).unwrap());
         assert!(unlimited.reach_bound().is_infinite());
+        assert!((unlimited.stretched(|_| 0.1) - 2.1).abs() < 1e-15);
+        assert!(unlimited.typical_torque().iter().all(|torque| torque.is_finite()));
+        let length = unlimited.characteristic_length();
         description.joint_limits = vec![[-1.0, 1.0], [-0.5, 0.5], [0.0, 0.4]];
         let arm = Arc::new(SpatialArm::new(description).unwrap());
         assert!((arm.reach_bound() - 2.4).abs() < 1e-15);
+        // A sixth of links and tool, however far the joint slides.
+        assert_eq!([length, arm.characteristic_length()], [2.0 / 6.0; 2]);
         let sampled = arm.reach_sampled(2000);
         assert!((2.35..=2.4).contains(&sampled), "{sampled}");
     }

@@ -84,19 +84,26 @@ impl Model<3> for SpatialArm {
         self.reach_bound()
     }
 
-    /// A sixth of the reach: about the size of a hand of that arm.
+    /// A sixth of the stretched arm: about the size of a hand of it. How far joints slide has nothing to do with that.
     fn characteristic_length(&self) -> f64 {
-        self.reach_bound() / 6.0
+        match self.stretched(|_| 0.0) {
+            length if length > 0.0 => length / 6.0,
+            _ => 1.0,
+        }
     }
 
-    /// At q = 0, every joint accelerates at 4 rad/s² (or m/s²) against all of gravity.
+    /// At q = 0, every joint accelerates at 4 rad/s² (or m/s²) against all of gravity; one that slides without end is not slid out.
     fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
         const ACCELERATION: f64 = 4.0;
         let n = self.dof();
         let mut state = self.state();
         state.update(&vec![0.0; n], &vec![0.0; n]);
         let mass = state.matrices::<3>().mass;
-        let weight = self.gravity().norm() * self.total_mass() * self.reach_bound();
+        let slid = |i: usize| {
+            let ends = self.limits().joint.get(i).into_iter().flatten();
+            ends.map(|end| end.abs()).filter(|end| end.is_finite()).fold(0.0, f64::max)
+        };
+        let weight = self.gravity().norm() * self.total_mass() * self.stretched(slid);
         (0..n).map(|i| ACCELERATION * mass[(i, i)] + weight).collect()
     }
 

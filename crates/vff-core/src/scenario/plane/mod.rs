@@ -80,6 +80,7 @@ where
         _: &[f64],
         options: &Options,
         duration: f64,
+        _: f64,
     ) -> Result<(), ScenarioError> {
         let Annulus { inner, outer } = Self::annulus(arm);
         let slack = 1e-9 * outer.max(arm.links()[arm.dof() - 1].length);

@@ -13,7 +13,7 @@ use super::scene::{CheckReach, FromDocument, Scene};
 use super::{links_of_obstacles, validate};
 use crate::inverse_kinematics::{Residual, Solver, Unreachable};
 use crate::perception::PerceptionError;
-use crate::robot::{Model, Robot, SpatialArm, SpatialState};
+use crate::robot::{Robot, SpatialArm, SpatialState};
 use crate::simulation::{
     Control, Options, PerceptionSettings, Physics, Space, SpatialPerception, System,
 };
@@ -109,9 +109,10 @@ where
         q0: &[f64],
         options: &Options,
         duration: f64,
+        length: f64,
     ) -> Result<(), ScenarioError> {
         let samples = options.steps(duration).clamp(1, 2_000);
-        Solver::new(arm.dof(), arm.characteristic_length())
+        Solver::new(arm.dof(), length)
             .follow(&mut arm.state(), trajectory, q0, duration, samples)
             .map_err(|Unreachable { time, error }| {
                 let Residual { position, angle } = error;
