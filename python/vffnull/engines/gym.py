@@ -9,7 +9,8 @@
 on all cores, to the same bits.
 
 **Action**: n numbers from −1 to 1. With ``action="null_space"`` they are a joint torque that is projected
-into the null space and added to the law's, so that the task goes on while the agent learns to avoid; with
+into the null space and added to the law's, so that the task goes on while the agent learns to avoid: as much
+of it as torque limits and a torque rate leave room for, the same share at all joints where that can be. With
 ``action="torque"`` they are the joint torque itself, instead of the law's.
 
 **Observation**: what the controller knows, as one row of numbers that `layout` takes apart: ``cos_q``,
@@ -147,7 +148,8 @@ class ReachEnv(gymnasium.Env["Array", "Array"]):
         The torque of an action of 1 [N·m, N for a joint that slides]. By default of an arm in space what
         carries every joint against gravity and accelerates it by 4 rad/s², or m/s², within its torque limit:
         the limits of many wrists are a thousand times that. Of an arm in the plane the torque limits or,
-        without any, what does so for the stretched arm.
+        without any, what does so for the stretched arm. With ``action="torque"`` at most the torque limits,
+        unless the scenario has them not enforced.
     start_noise : float, optional
         Every joint starts within this of its q0 [rad], evenly spread.
     obstacle_noise : float, optional

@@ -75,7 +75,8 @@ impl Parts {
         {
             // Without this objective; then as much of it as fits.
             torque.total.iter_mut().zip(part).for_each(|(total, part)| *total -= part);
-            let fits = largest_share(&torque.total, part, limit);
+            let ranges = limit.iter().map(|limit| [-limit, *limit]);
+            let fits = largest_share(&torque.total, part, ranges);
             *share = fits.unwrap_or(0.0);
             if fits.is_some() {
                 break;
@@ -95,17 +96,21 @@ impl Parts {
     }
 }
 
-/// The largest s ∈ \[0, 1\] with |rest + s part| ≤ limit at every joint, if there is one.
-fn largest_share(rest: &[f64], part: &[f64], limit: &[f64]) -> Option<f64> {
+/// The largest s ∈ \[0, 1\] with rest + s part in its range at every joint, if there is one.
+pub(crate) fn largest_share(
+    rest: &[f64],
+    part: &[f64],
+    ranges: impl Iterator<Item = [f64; 2]>,
+) -> Option<f64> {
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
-    for ((rest, part), limit) in rest.iter().zip(part).zip(limit) {
+    for ((rest, part), [least, most]) in rest.iter().zip(part).zip(ranges) {
         if *part == 0.0 {
-            if rest.abs() > *limit {
+            if *rest < least || *rest > most {
                 return None;
             }
             continue;
         }
-        let (a, b) = ((-limit - rest) / part, (limit - rest) / part);
+        let (a, b) = ((least - rest) / part, (most - rest) / part);
         low = low.max(a.min(b));
         high = high.min(a.max(b));
     }

@@ -169,6 +169,20 @@ impl Task {
         let limits = run.limits();
         let n = run.snapshot().q.len();
         validate(&settings, n)?;
+        if let (Action::Torque, Some(given)) = (settings.action, &settings.torque)
+            && scenario.controller.enforce_limits
+        {
+            for (i, limit) in limits.torque.iter().enumerate() {
+                if given.get(i) > *limit {
+                    let path = match given {
+                        ScalarOrVec::Uniform(_) => "torque".into(),
+                        ScalarOrVec::Each(_) => format!("torque[{i}]"),
+                    };
+                    let requirement = format!("within the limit {limit} of joint {i}");
+                    return Err(ScenarioError::out_of_range(&path, &requirement, given.get(i)));
+                }
+            }
+        }
         let torque = match &settings.torque {
             Some(given) => (0..n).map(|i| given.get(i)).collect(),
             None if limits.torque.is_empty() => run.typical_torque(),

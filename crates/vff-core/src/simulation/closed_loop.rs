@@ -1,6 +1,7 @@
 //! Plant and controller, one plant step at a time.
 
 mod changes;
+mod from_outside;
 mod queries;
 mod truth;
 
@@ -22,6 +23,7 @@ use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Pace, Trajectory};
 use crate::world::{CollisionQuery, Contact, ObstacleGeometry, Positions, World};
+use from_outside::FromOutside;
 use std::iter;
 use std::sync::Arc;
 use truth::Truth;
@@ -92,6 +94,7 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     actuator: Option<Actuator>,
     /// What stands between the law and the robot, where that is not nothing.
     output: Option<Box<OutputStage>>,
+    outside: FromOutside,
     /// What makes the reference wait.
     governor: Option<Governor>,
     /// Who makes another plan where the reference is one that leads nowhere any more.
@@ -225,6 +228,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             perception,
             actuator,
             output,
+            outside: FromOutside::new(n),
             governor,
             replanning: None,
             truth: imperfect.then(|| Truth::new(arm.state())),
@@ -252,6 +256,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// Goes back to t = 0.
     pub fn restart(&mut self) {
         (self.step, self.heard) = (0, None);
+        self.outside.forget();
         self.plant.forget_added_wrenches();
         self.stack.controller.reset();
         if let Some(foresight) = &mut self.foresight {
@@ -307,6 +312,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         interrupt::checkpoint(256 * self.q.len());
         let t = self.time();
         self.remember();
+        if let Some(tau) = external {
+            self.take_in(tau);
+        }
         let ideal = self.is_ideal();
         let Self { stack, plant, actuator, stepper, held, output, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
@@ -478,7 +486,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let (step, period) = (self.step, self.options.control_period());
         let is_new = period_begins && self.heard != Some(step);
         let elapsed = self.heard.map(|heard| self.options.time(step) - self.options.time(heard));
-        let Self { output, held, plant, .. } = self;
+        let passed = self.heard.map_or(0, |heard| step.saturating_sub(heard));
+        let Self { output, held, plant, outside, .. } = self;
         let announce = |controller: &mut Controller<S::State, D, M>| {
             if is_new {
                 controller.sense(plant.external());
@@ -486,11 +495,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             match output {
                 Some(output_stage) => {
                     if is_new {
-                        output_stage.report(controller, elapsed);
+                        let other = outside.sent(&output_stage.sent, passed);
+                        output_stage.report(controller, other, elapsed);
                     }
                     output_stage.announce(controller, step, period);
                 }
-                None if is_new => controller.hear(None, &held.total, elapsed),
+                None if is_new => {
+                    let sent = outside.sent(&held.total, passed).unwrap_or(&held.total);
+                    controller.hear(None, sent, elapsed);
+                }
                 None => {}
             }
         };

@@ -14,6 +14,8 @@ pub(super) struct OutputStage {
     pub(super) sent: Vec<f64>,
     /// What was held over the one before.
     last: Vec<f64>,
+    /// What is sent beside it, from outside \[N·m\].
+    beside: Vec<f64>,
     /// The torque at the joints: of the drives, and of the robot by itself \[N·m\].
     pub(super) acting: Vec<f64>,
     /// The step in which it was sent.
@@ -26,7 +28,8 @@ impl OutputStage {
         let zeros = || vec![0.0; n];
         gains.command.changes_torque().then(|| {
             let output = Output::new(&gains.command, n);
-            Box::new(Self { output, sent: zeros(), last: zeros(), acting: zeros(), sent_at: None })
+            let [sent, last, beside, acting] = [zeros(), zeros(), zeros(), zeros()];
+            Box::new(Self { output, sent, last, beside, acting, sent_at: None })
         })
     }
 
@@ -36,16 +39,19 @@ impl OutputStage {
         plant: &Plant<A, S, D>,
     ) {
         self.output.begin_at_rest(plant.state());
+        self.beside.fill(0.0);
         self.sent_at = None;
     }
 
-    /// Lets the observer of `controller` know what has been sent for `elapsed` \[s\], if anything has.
+    /// Lets the observer of `controller` know what has been sent for `elapsed` \[s\], if anything has: `other`, if that was something
+    /// from outside.
     pub(super) fn report<R: Manipulator<D, M> + Clone, const D: usize, const M: usize>(
         &mut self,
         controller: &mut Controller<R, D, M>,
+        other: Option<&[f64]>,
         elapsed: Option<f64>,
     ) {
-        self.last.copy_from_slice(self.output.sent());
+        self.last.copy_from_slice(other.unwrap_or(self.output.sent()));
         controller.hear(Some(&mut self.output), &self.last, elapsed);
     }
 
@@ -76,6 +82,18 @@ impl OutputStage {
         }
         self.output.convert(controller.robot(), tau);
         self.sent.copy_from_slice(self.output.send(period));
+    }
+
+    /// Turns a torque from outside into all that is sent with as much of it as fits beside what is sent \[N·m\], for `period` \[s\].
+    pub(super) fn add(&mut self, tau: &mut [f64], period: f64) {
+        self.output.add(tau, &mut self.beside, period);
+        tau.iter_mut().zip(&self.sent).zip(&self.beside).for_each(|((t, s), b)| *t = s + b);
+    }
+
+    /// Takes note that `tau` \[N·m\] was sent instead, which has in it what is sent beside: the law goes on from the rest.
+    pub(super) fn replace(&mut self, tau: &[f64]) {
+        self.last.iter_mut().zip(tau).zip(&self.beside).for_each(|((l, t), b)| *l = t - b);
+        self.output.begin_at(&self.last);
     }
 
     /// Takes back what was sent in `step`; the one before is to be sent again.

@@ -10,6 +10,7 @@ mod friction;
 mod hold;
 mod supervision;
 
+use super::limits::largest_share;
 use super::{CommandSettings, Gravity, TorqueRange};
 use crate::robot::Robot;
 pub(crate) use clock::Clock;
@@ -251,6 +252,36 @@ impl Output {
             *sent = sent.max(*before - most).min(*before + most); // does not panic, whatever they are
         }
         &self.sent
+    }
+
+    /// Brings `beside` \[N·m, N\], which is sent beside what was sent last and was so before, to `tau` as far as that fits: all of it
+    /// gives way to the torque limits, and it changes, all of it alike if that can be, as fast as the rate leaves room in `period` \[s\].
+    pub fn add(&self, tau: &mut [f64], beside: &mut [f64], period: f64) {
+        let Self { rate, bounds, sent, before: [before, _], .. } = self;
+        let share = largest_share(sent, tau, bounds.iter().copied()).unwrap_or(0.0);
+        tau.iter_mut().for_each(|tau| *tau *= share);
+        if rate.is_empty() {
+            return beside.copy_from_slice(tau);
+        }
+        let range = |i: usize, beside: &[f64]| {
+            let (last, most) = (before[i] + beside[i], rate[i] * period);
+            bounds[i].map(|bound| bound.max(last - most).min(last + most))
+        };
+        // As a share of the way from what was beside to what is wanted there; else joint by joint.
+        let (mut low, mut high) = (0.0_f64, 1.0_f64);
+        for (i, tau) in tau.iter().enumerate() {
+            let [a, b] = range(i, beside).map(|end| end - sent[i] - beside[i]);
+            let way = tau - beside[i];
+            if way != 0.0 {
+                (low, high) = (low.max((a / way).min(b / way)), high.min((a / way).max(b / way)));
+            }
+        }
+        for (i, tau) in tau.iter().enumerate() {
+            let [least, most] = range(i, beside);
+            let part = if low <= high { high } else { 1.0 };
+            let wanted = sent[i] + beside[i] + part * (tau - beside[i]);
+            beside[i] = wanted.max(least).min(most) - sent[i];
+        }
     }
 
     /// Takes back what was sent last; twice in a row at most.

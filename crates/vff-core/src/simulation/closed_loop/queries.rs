@@ -127,14 +127,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         free.fold(f64::INFINITY, |least, (_, distance)| least.min(*distance))
     }
 
-    /// Turns a joint torque into the commanded one with its share that the null space lets through
-    /// (T4) on top \[N·m\].
-    pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
-        self.stack.controller.project(tau);
-        let sent = self.output.as_ref().map_or(&self.held.total, |output_stage| &output_stage.sent);
-        tau.iter_mut().zip(sent).for_each(|(tau, sent)| *tau += sent);
-    }
-
     /// The link whose tip is to press on something; none where no force is asked for.
     fn pressing_link(&self) -> Option<usize> {
         let controller = &self.stack.controller;
