@@ -2063,6 +2063,7 @@ def check(
     ],
     document: Mapping[str, Any],
     dimension: int | None = None,
+    recorded: bool = False,
 ) -> list[str]:
     """Validate a scenario document, or a part of one, and return warnings.
 
@@ -2074,6 +2075,8 @@ def check(
         The part.
     dimension : int, optional
         Of the space, 2 or 3; by default the part itself says which, as far as it does.
+    recorded : bool, optional
+        Whether the record of a whole scenario has to fit into memory.
 
     Raises
     ------

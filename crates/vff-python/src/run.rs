@@ -248,20 +248,23 @@ pub fn arrays(py: Python<'_>, record: Record) -> PyResult<Bound<'_, PyDict>> {
 ///     The part.
 /// dimension : int, optional
 ///     Of the space, 2 or 3; by default the part itself says which, as far as it does.
+/// recorded : bool, optional
+///     Whether the record of a whole scenario has to fit into memory.
 ///
 /// Raises
 /// ------
 /// vffnull.errors.ScenarioError
 ///     If it cannot be used; the message names the key, what was given, and what is allowed.
 #[pyfunction]
-#[pyo3(signature = (kind, document, dimension=None))]
+#[pyo3(signature = (kind, document, dimension=None, recorded=false))]
 pub fn check(
     py: Python<'_>,
     kind: &str,
     #[pyo3(from_py_with = document)] document: toml::Table,
     dimension: Option<usize>,
+    recorded: bool,
 ) -> PyResult<Vec<String>> {
-    let check = |part| runtime::check(part, &document, dimension);
+    let check = |part| runtime::check(part, &document, dimension, recorded);
     let checked = interruptible(py, || Part::named(kind).and_then(check));
     if checked.is_err() {
         interrupt::leave(document);

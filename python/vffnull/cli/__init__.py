@@ -361,7 +361,7 @@ def _validated(file: str) -> dict[str, Any]:
         with warned() as odd:
             document = explicit(document)
         errors = [f"{name}: {fault}" for fault in faults(document)]
-        found = [*odd, *([] if errors else _core.check("scenario", document))]
+        found = [*odd, *([] if errors else _core.check("scenario", document, recorded=True))]
     except ScenarioError as error:
         errors, found = [str(error) if name in str(error) else f"{name}: {error}"], []
         if document:  # its arm is in a file that cannot be read: what is wrong beside it

@@ -67,7 +67,7 @@ def _outcomes(
     try:
         done = _core.run_many(list(documents.values()), "runs", threads, recorded, watched)
     except ScenarioError:  # the first one that is wrong: look at each
-        refused = {i: fault for i, each in documents.items() if (fault := _fault(each)) is not None}
+        refused = {i: fault for i, each in documents.items() if (fault := _fault(each, recorded)) is not None}
         if not refused:
             raise
         documents = {i: each for i, each in documents.items() if i not in refused}
@@ -82,10 +82,10 @@ def _outcomes(
     return found | refused
 
 
-def _fault(document: Document) -> Mapping[str, Any] | None:
+def _fault(document: Document, recorded: bool) -> Mapping[str, Any] | None:
     """The outcome of a run that cannot be started; None for one that can."""
     try:
-        _core.check("scenario", document)
+        _core.check("scenario", document, recorded=recorded)
     except ScenarioError as error:
         return _refusal(error)
     return None

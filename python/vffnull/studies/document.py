@@ -245,7 +245,7 @@ def _check_points(plan: Plan) -> None:
     fine = False
     for row in rows:
         try:
-            _core.check("scenario", plan.document(0, row))
+            _core.check("scenario", plan.document(0, row), recorded=plan.records is not None)
             fine = True
         except ScenarioError as error:
             error = _placed(plan, error, row)

@@ -68,7 +68,7 @@ def estimated(plan: Plan) -> Estimate:
         row = plan.row(number) if plan.design is not None else np.array([each.high for each in plan.factors])
         try:
             document = plan.document(number, row)
-            _core.check("scenario", document)
+            _core.check("scenario", document, recorded=plan.records is not None)
         except ScenarioError:  # a run that will be refused
             continue
         total += float(document["duration"])

@@ -87,7 +87,8 @@ where
     Ok(Ready { run: AnyRun::new(run), warnings })
 }
 
-/// Reads and validates one part of a scenario, named as in [`Part`]; a whole one is prepared, too. Returns its warnings.
+/// Reads and validates one part of a scenario, named as in [`Part`]; a whole one is prepared, too, with a record where that has to
+/// fit. Returns its warnings.
 ///
 /// # Errors
 /// With the dotted path of the first fault.
@@ -95,9 +96,11 @@ pub fn check(
     part: Part,
     document: &Table,
     dimension: Option<usize>,
+    recorded: bool,
 ) -> Result<Vec<String>, ScenarioError> {
     if part == Part::Scenario {
-        return Scenario::from_document(document)?.prepare().map(|ready| ready.warnings);
+        let ready = Scenario::from_document(document)?.prepare_recorded(recorded);
+        return ready.map(|ready| ready.warnings);
     }
     scenario::check(part, document, dimension)?;
     Ok(vec![])
