@@ -69,7 +69,8 @@ class Goal:
     Attributes
     ----------
     metric : str
-        A metric, or ``collided``, ``diverged`` or ``completed``, which are 1 for such a run and 0 otherwise.
+        A metric, or ``collided``, ``diverged`` or ``completed``, which are 1 for such a run and 0 otherwise;
+        a run that diverges, fails or is refused counts as ``diverged`` and, in the others, as the worse.
     maximize : bool
         Whether more of it is better.
     over : str

@@ -234,10 +234,13 @@ def outcome_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> tuple[float, 
 
 
 def _values(goal: Goal, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
-    if goal.metric in _OF_STATUS:
-        return np.isin(columns["status"], _OF_STATUS[goal.metric]).astype(float)
-    values = columns[goal.metric].astype(float)
     ended = np.isin(columns["status"], _OF_STATUS["diverged"])  # half a run has no metric that counts
+    if goal.metric in _OF_STATUS:
+        is_so = np.isin(columns["status"], _OF_STATUS[goal.metric])
+        if goal.metric != "diverged":  # nor has it kept clear: it is the worst that can be
+            is_so = np.where(ended, not goal.maximize, is_so)
+        return is_so.astype(float)
+    values = columns[goal.metric].astype(float)
     missing = np.nan if goal.missing is None else goal.missing
     return np.where(np.isfinite(values) & ~ended, values, missing)
 
