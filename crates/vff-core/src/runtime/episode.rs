@@ -6,7 +6,7 @@
 use super::observation::{POSE_IN_SPACE, shown_axes};
 use super::run::AnyRun;
 use crate::math::ScalarOrVec;
-use crate::scenario::{self, AnyScene, Scenario, ScenarioError};
+use crate::scenario::{self, AnyScene, Problem, Scenario, ScenarioError};
 use crate::scenario::{each, number};
 use crate::settings::{NOT_NEGATIVE, POSITIVE};
 use crate::simulation::PerceptionKind;
@@ -410,22 +410,40 @@ impl Episode {
     /// Begins another episode, the first of `seed` if there is one.
     ///
     /// # Errors
-    /// If the start cannot be run.
+    /// If the start cannot be run, or all that were drawn touch an obstacle.
     pub fn reset(&mut self, seed: Option<u64>) -> Result<(), ScenarioError> {
         if let Some(seed) = seed {
             self.random = ChaCha8Rng::seed_from_u64(seed);
         }
         let EpisodeSettings { start_noise, obstacle_noise, .. } = self.task.settings;
         let draws = if start_noise + obstacle_noise > 0.0 { MAX_DRAWS } else { 1 };
+        self.elapsed = 0;
         for _ in 0..draws {
             let scenario = self.task.draw(&mut self.random);
             self.run = scenario.prepare_recorded(false)?.run;
             if self.run.least_clearance() > 0.0 {
-                break;
+                return Ok(());
             }
         }
-        self.elapsed = 0;
-        Ok(())
+        Err(self.touches_always(draws))
+    }
+
+    /// That all of so many starts touch an obstacle, with what is in the way in the last of them.
+    fn touches_always(&self, draws: usize) -> ScenarioError {
+        let EpisodeSettings { start_noise, obstacle_noise, .. } = self.task.settings;
+        let [what, obstacle] = match self.run.nearest() {
+            Some([link, obstacle]) => [format!("link {link}"), format!("obstacles[{obstacle}]")],
+            None => ["a link".into(), "an obstacle that is not seen".into()],
+        };
+        let of = if draws > 1 {
+            format!(
+                " in the last of {draws} starts, all in contact, drawn with start_noise {start_noise} \
+                 and obstacle_noise {obstacle_noise}"
+            )
+        } else {
+            " at the start".into()
+        };
+        ScenarioError::new("", Problem::Other(format!("{what} touches {obstacle}{of}")))
     }
 
     /// Acts for one period. An action's numbers count from −1 to 1, beyond as the nearer of them.

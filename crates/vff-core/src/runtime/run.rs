@@ -271,6 +271,9 @@ pub trait ErasedRun: Debug + Send + Any {
     /// [`ClosedLoop::least_clearance`](crate::simulation::ClosedLoop::least_clearance).
     fn least_clearance(&self) -> f64;
 
+    /// [`ClosedLoop::nearest`](crate::simulation::ClosedLoop::nearest).
+    fn nearest(&self) -> Option<[usize; 2]>;
+
     /// [`ClosedLoop::add_in_null_space`](crate::simulation::ClosedLoop::add_in_null_space).
     fn add_in_null_space(&mut self, tau: &mut [f64]);
 
@@ -511,6 +514,10 @@ where
 
     fn least_clearance(&self) -> f64 {
         self.closed_loop().least_clearance()
+    }
+
+    fn nearest(&self) -> Option<[usize; 2]> {
+        self.closed_loop().nearest()
     }
 
     fn add_in_null_space(&mut self, tau: &mut [f64]) {

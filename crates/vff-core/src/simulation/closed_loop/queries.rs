@@ -127,6 +127,17 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         free.fold(f64::INFINITY, |least, (_, distance)| least.min(*distance))
     }
 
+    /// The link and the obstacle that are nearest to each other, but for that link.
+    pub fn nearest(&self) -> Option<[usize; 2]> {
+        let (pressing, mut nearest) = (self.pressing_link(), (f64::INFINITY, None));
+        self.for_each_pair(|contact| {
+            if contact.distance < nearest.0 && pressing != Some(contact.link) {
+                nearest = (contact.distance, Some([contact.link, contact.obstacle]));
+            }
+        });
+        nearest.1
+    }
+
     /// The link whose tip is to press on something; none where no force is asked for.
     fn pressing_link(&self) -> Option<usize> {
         let controller = &self.stack.controller;
