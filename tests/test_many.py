@@ -262,3 +262,18 @@ def test_metrics_table() -> None:
         vff.metrics_table(results, "q0")
     with pytest.raises(InputTypeError, match=r"results\[0\]"):
         vff.metrics_table(["paper-1"])  # type: ignore[list-item]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the memory of a process")
+def test_runs_that_see_are_prepared_when_their_turn_comes() -> None:
+    """Twenty runs with readings of a quarter of a gigabyte each, in a process that may take three."""
+    code = """
+import resource, warnings, vffnull as vff
+warnings.simplefilter("ignore")
+resource.setrlimit(resource.RLIMIT_AS, (int(3e9), int(3e9)))
+slow = {"perception.kind": "range", "perception.rays": 60, "perception.latency": 1.0, "duration": 0.002}
+done = vff.simulate_many("panda-sweep", [slow] * 20, record=False, threads=2)
+print(len(done), {each.status.value for each in done})
+"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
+    assert said.stdout.startswith("20 {'completed'}"), said.stderr

@@ -75,6 +75,12 @@ impl PerceiverSettings {
         Err(PerceptionError::Setting { key: "room", problem })
     }
 
+    /// How many cells the room has along each axis, whether that can be or not.
+    pub(crate) fn sides(&self) -> [f64; 3] {
+        let [low, high] = self.room;
+        [0, 1, 2].map(|k| ((high[k] - low[k]) / self.voxel).ceil())
+    }
+
     /// How many cells the room has along each axis.
     #[expect(
         clippy::cast_possible_truncation,
@@ -104,8 +110,7 @@ impl PerceiverSettings {
                 return Err(PerceptionError::Setting { key, problem });
             }
         }
-        let [low, high] = self.room;
-        let sides = [0, 1, 2].map(|k| ((high[k] - low[k]) / self.voxel).ceil());
+        let sides = self.sides();
         #[expect(clippy::cast_precision_loss, reason = "a power of two")]
         let fits = sides.iter().product::<f64>() <= MAX_CELLS as f64;
         let is_room = sides.iter().all(|side| side.is_finite() && *side >= 1.0);

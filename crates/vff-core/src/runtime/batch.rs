@@ -15,6 +15,8 @@ use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use toml::Table;
 
+/// What rollouts that are ready before their turn may take together \[bytes\]; the others are prepared anew when it comes.
+const READY: f64 = 1e9;
 /// How often a rollout checks whether to stop.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -41,7 +43,16 @@ const LOOK: Duration = Duration::from_millis(20);
 #[derive(Debug)]
 pub struct Batch {
     pool: ThreadPool,
-    rollouts: Vec<Ready>,
+    rollouts: Vec<Next>,
+    recorded: bool,
+}
+
+/// A rollout that has not begun.
+#[derive(Debug)]
+enum Next {
+    Ready(Ready),
+    /// One that was ready, and can be made so again.
+    Sound(Box<Scenario>),
 }
 
 /// What one rollout came to.
@@ -107,7 +118,7 @@ impl Batch {
             }
             prepare(scenarios, recorded, parts)
         })?;
-        Ok(Self { pool, rollouts })
+        Ok(Self { pool, rollouts, recorded })
     }
 
     /// Runs all of them and returns the outcomes in the order of the scenarios.
@@ -115,14 +126,14 @@ impl Batch {
     /// `watch(finished)` is called about every `interval` on the calling thread; when it returns
     /// false, what is not finished is left as it is, as [`Status::Interrupted`].
     pub fn run(self, interval: Duration, mut watch: impl FnMut(usize) -> bool) -> Vec<Rollout> {
-        let Self { pool, rollouts } = self;
+        let Self { pool, rollouts, recorded } = self;
         let (stop, finished) = (Arc::new(AtomicBool::new(false)), AtomicUsize::new(0));
         let (over, is_over) = mpsc::channel::<()>();
         let mut done = Vec::with_capacity(rollouts.len());
         pool.in_place_scope(|scope| {
             scope.spawn(|_| {
-                let one = |ready| {
-                    let rollout = roll(ready, &stop);
+                let one = |next| {
+                    let rollout = roll(next, recorded, &stop);
                     finished.fetch_add(1, Ordering::Relaxed);
                     rollout
                 };
@@ -140,17 +151,26 @@ impl Batch {
     }
 }
 
-/// Makes every scenario ready, or names the first that has a fault, be it an earlier one.
+/// Makes every scenario ready, or names the first that has a fault, be it an earlier one; those that do not fit into [`READY`] stay
+/// scenarios.
 fn prepare(
     scenarios: Vec<Result<Scenario, ScenarioError>>,
     recorded: bool,
     parts: &Parts,
-) -> Result<Vec<Ready>, BatchError> {
-    let prepare = |scenario: Result<Scenario, _>| {
-        let prepare = |scenario: Scenario| sound(|| scenario.prepare_recorded(recorded));
-        scenario.and_then(|scenario| parts.within(|| prepare(scenario)))
+) -> Result<Vec<Next>, BatchError> {
+    let prepare = |(scenario, stays): (Result<Scenario, _>, bool)| {
+        let scenario = scenario?;
+        let ready = parts.within(|| sound(|| scenario.prepare_recorded(recorded)))?;
+        Ok(if stays { Next::Ready(ready) } else { Next::Sound(Box::new(scenario)) })
     };
-    let ready: Vec<_> = scenarios.into_par_iter().map(prepare).collect();
+    let mut taken = 0.0;
+    let stays = |scenario: &Result<Scenario, _>| {
+        let numbers = scenario.as_ref().map_or(0.0, Scenario::run_numbers);
+        taken += numbers * size_of::<f64>() as f64;
+        taken <= READY
+    };
+    let stay: Vec<_> = scenarios.iter().map(stays).collect();
+    let ready: Vec<_> = scenarios.into_par_iter().zip(stay).map(prepare).collect();
     let place = |(index, ready): (usize, Result<_, _>)| {
         ready.map_err(|error| BatchError::Scenario { index, error })
     };
@@ -169,8 +189,20 @@ fn fit<'a>(scenarios: impl Iterator<Item = &'a Scenario>) -> Result<(), BatchErr
 }
 
 /// One rollout until it is over or told to stop.
-fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
-    let Ready { mut run, mut warnings } = ready;
+fn roll(next: Next, recorded: bool, stop: &Arc<AtomicBool>) -> Rollout {
+    let prepared = match next {
+        Next::Ready(ready) => Ok(ready),
+        Next::Sound(_) if stop.load(Ordering::Relaxed) => Err(None),
+        Next::Sound(scenario) => {
+            let again = || sound(|| scenario.prepare_recorded(recorded));
+            let ready = watched(Watch::Flag(Arc::clone(stop)), again);
+            ready.map_or(Err(None), |ready| ready.map_err(Some))
+        }
+    };
+    let Ready { mut run, mut warnings } = match prepared {
+        Ok(ready) => ready,
+        Err(error) => return not_begun(error),
+    };
     let start = Instant::now();
     let steps = || while !stop.load(Ordering::Relaxed) && !run.run_for(LOOK) {};
     // A step that is broken off is not part of the outcome.
@@ -183,19 +215,28 @@ fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
     Rollout { outcome, warnings, wall_time: start.elapsed().as_secs_f64() }
 }
 
+/// A rollout that was stopped before it began, or could not be prepared again.
+fn not_begun(error: Option<ScenarioError>) -> Rollout {
+    let outcome = match error {
+        Some(error) => nothing(Status::Failed, error.to_string(), 0.0, Record::default()),
+        None => {
+            let message = "interrupted at t = 0 s".into();
+            nothing(Status::Interrupted, message, 0.0, Record::default())
+        }
+    };
+    Rollout { outcome, warnings: vec![], wall_time: 0.0 }
+}
+
 /// The outcome of a rollout that ended in a fault of the program.
 fn failed(last: &Snapshot<'_>, message: String) -> Outcome {
-    let metrics = METRICS.iter().map(|metric| (metric, Value::None)).collect();
     let record = Record { sizes: Sizes::of(last), ..Record::default() };
-    Outcome {
-        status: Status::Failed,
-        message,
-        end_time: last.t,
-        metrics,
-        record,
-        replans: vec![],
-        warnings: vec![],
-    }
+    nothing(Status::Failed, message, last.t, record)
+}
+
+/// An outcome without metrics.
+fn nothing(status: Status, message: String, end_time: f64, record: Record) -> Outcome {
+    let metrics = METRICS.iter().map(|metric| (metric, Value::None)).collect();
+    Outcome { status, message, end_time, metrics, record, replans: vec![], warnings: vec![] }
 }
 
 /// The result of `validate`; a panic is a fault, too.
@@ -291,6 +332,20 @@ mod tests {
         assert!(error.to_string().starts_with("20 records take up to 37"), "{error}");
         assert!(Batch::new(&documents, false, 2).is_ok());
         assert!(Batch::new(&documents[..2], true, 2).is_ok());
+    }
+
+    /// What is prepared again when its turn comes runs as what was ready before.
+    #[test]
+    fn prepared_again() {
+        let stop = Arc::new(AtomicBool::new(false));
+        let scenario = Scenario::from_document(&documents(1)[0]).unwrap();
+        let ready = Next::Ready(scenario.prepare().unwrap());
+        let [a, b] = [ready, Next::Sound(Box::new(scenario.clone()))]
+            .map(|next| roll(next, true, &stop).outcome);
+        assert_eq!((a.record, a.metrics, a.status), (b.record, b.metrics, b.status));
+        stop.store(true, Ordering::Relaxed);
+        let stopped = roll(Next::Sound(Box::new(scenario)), true, &stop).outcome;
+        assert_eq!((stopped.status, stopped.end_time), (Status::Interrupted, 0.0));
     }
 
     /// A panic becomes an outcome that says `failed`.

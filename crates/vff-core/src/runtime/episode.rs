@@ -216,6 +216,11 @@ impl Task {
         self.periods as f64 * self.scenario.simulation.control_period()
     }
 
+    /// [`Scenario::run_numbers`].
+    pub fn run_numbers(&self) -> f64 {
+        self.scenario.run_numbers()
+    }
+
     /// What an observation consists of.
     pub fn layout(&self) -> &[Part] {
         &self.layout

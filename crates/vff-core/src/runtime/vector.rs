@@ -122,11 +122,16 @@ impl Episodes {
     /// `count` episodes on up to `threads` threads; episode i has the seed `seed + i`.
     ///
     /// # Errors
-    /// If a start cannot be run, or the system does not give the threads.
+    /// If a start cannot be run, all of them do not fit into memory, or the system does not give the threads.
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a size to compare"
+    )]
     pub fn new(task: Task, count: usize, threads: usize, seed: u64) -> Result<Self, ScenarioError> {
-        // A closed loop, with its arm, its world and its workspaces, in numbers; measured, and rounded up.
-        let numbers = count.saturating_mul(512 + 160 * task.joints() + 4 * task.width());
-        memory::fits(numbers).map_err(|error| {
+        let numbers = count as f64 * (task.run_numbers() + 4.0 * task.width() as f64);
+        memory::fits(numbers as usize).map_err(|error| {
             ScenarioError::new("count", Problem::Other(format!("{count} episodes take {error}")))
         })?;
         let task = Arc::new(task);

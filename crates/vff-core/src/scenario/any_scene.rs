@@ -5,7 +5,7 @@ use super::scene::{FromDocument, Scene};
 use super::space::SpatialScene;
 use crate::math::Vector;
 use crate::robot::{Model, Robot};
-use crate::world::Description;
+use crate::world::{Description, space};
 use std::sync::Arc;
 
 fn bodies<S: FromDocument<D>, const D: usize>(scene: &Scene<S, D>) -> usize {
@@ -45,6 +45,16 @@ impl AnyScene {
     /// How many obstacles there are.
     pub fn obstacle_count(&self) -> usize {
         on_scene!(self, scene => scene.obstacles.len())
+    }
+
+    /// How many points the clouds among them have.
+    pub fn cloud_points(&self) -> usize {
+        let Self::Space(scene) = self else { return 0 };
+        let points = scene.obstacles.iter().map(|obstacle| match &obstacle.shape {
+            space::Shape::Points { points, .. } => points.len(),
+            _ => 0,
+        });
+        points.sum()
     }
 
     /// How many bodies the arm has, none if there is no such arm.

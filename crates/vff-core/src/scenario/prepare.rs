@@ -159,6 +159,30 @@ impl Scenario {
         Ok((closed_loop, odd.into_iter().chain(warnings).chain(friction).collect()))
     }
 
+    /// About how many numbers a run keeps beside its record: arm, world, law and sensors. Measured, and rounded up.
+    #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
+    pub fn run_numbers(&self) -> f64 {
+        // In the plane, and in space.
+        const BASE: [f64; 2] = [3e3, 1e4];
+        const JOINT: [f64; 2] = [6e2, 3e3];
+        const OBSTACLE: [f64; 2] = [1e3, 3e3];
+        const PREVIEW: f64 = 5e4;
+        const POINT: f64 = 40.0;
+        let (dimension, bodies) = (self.scene.dimension(), self.scene.body_count());
+        let [base, joint, obstacle] = [BASE, JOINT, OBSTACLE].map(|each| each[dimension - 2]);
+        let preview = if self.controller.yielding.preview.is_some() { PREVIEW } else { 0.0 };
+        let copies = if self.simulation.control == Control::Predictor { 2.0 } else { 1.0 };
+        let law = base + joint * self.q0.len() as f64 + preview;
+        let world = obstacle * self.scene.obstacle_count() as f64
+            + POINT * self.scene.cloud_points() as f64;
+        let sensed = self.perception.as_ref().map_or(0.0, |given| {
+            given.readings_under_way(bodies, dimension, self.simulation.dt) * dimension as f64
+                + POINT * given.points_of(bodies, dimension) as f64
+                + given.cells_of_the_room()
+        });
+        copies * (law + world) + sensed
+    }
+
     /// What the record of a whole run takes \[bytes\].
     #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
     pub fn record_bytes(&self) -> f64 {

@@ -166,7 +166,6 @@ pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: b
 
 /// `[perception]` of an arm with so many bodies in a space of this dimension, with plant steps of `dt` \[s\]; `sampled`
 /// unless control is continuous.
-#[expect(clippy::cast_precision_loss, reason = "a size to compare")]
 pub fn perception(
     settings: &PerceptionSettings,
     bodies: usize,
@@ -214,9 +213,8 @@ pub fn perception(
         let requirement = format!("at most {MAX_STEPS:e} steps of {dt} s");
         return Err(ScenarioError::out_of_range("latency", &requirement, settings.latency));
     }
-    let scans = settings.steps_late(dt) / settings.steps_per_scan(dt) + 3.0;
-    let rays = settings.rays_of(bodies, dimension);
-    if rays as f64 * scans > MAX_READINGS {
+    if settings.readings_under_way(bodies, dimension, dt) > MAX_READINGS {
+        let rays = settings.rays_of(bodies, dimension);
         let path = if has_cameras { "cameras" } else { "sensors" };
         let requirement = format!("so few that at most {MAX_READINGS:e} readings are under way");
         return Err(ScenarioError::out_of_range(path, &requirement, format!("{rays} rays")));

@@ -135,6 +135,18 @@ impl PerceptionSettings {
         if self.kind == Kind::Depth { self.cells_of(rays) * of_a_cell } else { rays }
     }
 
+    /// How many readings are on their way to the controller at once, with plant steps of `dt` \[s\].
+    pub fn readings_under_way(&self, bodies: usize, dimension: usize, dt: f64) -> f64 {
+        let scans = self.steps_late(dt) / self.steps_per_scan(dt) + 3.0;
+        self.rays_of(bodies, dimension) as f64 * scans
+    }
+
+    /// How many cells the room has that pictures are entered into; none where nothing is.
+    pub fn cells_of_the_room(&self) -> f64 {
+        let sides = self.perceiver.sides();
+        if self.kind == Kind::Depth { sides.iter().product() } else { 0.0 }
+    }
+
     /// Plant steps of `dt` \[s\] from scan to scan.
     pub fn steps_per_scan(&self, dt: f64) -> f64 {
         self.rate.map_or(1.0, |rate| (1.0 / (rate * dt) - 1e-9).ceil().max(1.0))
