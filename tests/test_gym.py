@@ -355,3 +355,42 @@ def test_without_gymnasium_the_extra_is_named() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     assert "vffnull[gym]" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_start_that_always_touches_is_told() -> None:
+    """With what is in the way and how starts were drawn, instead of episodes of one step."""
+    document = vff.Scenario.load("sweep-through").to_dict()
+    document["obstacles"][0]["position"] = [0.5, 0.9]
+    document["obstacles"][0]["shape"]["radius"] = 0.6
+    random = r"touches obstacles\[0\] in the last of 100 starts, all in contact, drawn with start_noise 0.05"
+    with pytest.raises(vff.errors.ScenarioError, match=random):
+        ReachEnv(document)
+    with pytest.raises(vff.errors.ScenarioError, match=r"touches obstacles\[0\] at the start"):
+        ReachVectorEnv(2, document, **EXACT)
+
+
+def test_options_that_there_are_not_are_refused() -> None:
+    env = ReachEnv()
+    env.reset(options={})
+    with pytest.raises(vff.errors.InputError, match="options: no 'reset_mask'; there are none"):
+        env.reset(options={"reset_mask": [True]})
+    envs = ReachVectorEnv(2)
+    with pytest.raises(vff.errors.InputError, match="options: no 'low'; there is reset_mask"):
+        envs.reset(options={"low": 0.0})
+
+
+def test_episodes_record_nothing() -> None:
+    """So the record of a long scenario need not fit; that of a simulation has to."""
+    long = {"duration": 4000.0, "simulation.dt": 5e-5, "obstacles": [], "simulation.record_every": 1}
+    env = ReachEnv("sweep-through", long)
+    env.reset(seed=0)
+    assert np.isfinite(env.step(np.zeros(6))[0]).all()
+    with pytest.raises(vff.errors.ScenarioError, match=r"simulation\.record_every: .* GB"):
+        vff.simulate("sweep-through", long)
+
+
+def test_sensors_of_many_episodes_have_to_fit() -> None:
+    """64 of half a gigabyte each: refused at once, in one sentence, before the system ends the process."""
+    slow = {"perception.kind": "range", "perception.rays": 60, "perception.latency": 1.0}
+    with pytest.raises(vff.errors.ScenarioError, match=r"64 episodes take .* GB, more than the 8 GB allowed"):
+        ReachVectorEnv(64, "panda-sweep", slow)

@@ -114,7 +114,7 @@ def test_limits_and_stops_are_told() -> None:
     result = vff.simulate("paper-1", weak)
     strongest, fastest = abs(result.tau).max(axis=0).argmax(), abs(result.dq).max(axis=0).argmax()
     assert result.headline.verdict == "over limits"
-    assert f"the torque of joint {strongest} came to " in result.headline.lines[0]
+    assert f"the law asked joint {strongest} for " in result.headline.lines[0]
     assert f"the speed of joint {fastest} came to " in result.headline.lines[1]
     assert result.metrics.torque_limit_ratio == pytest.approx(abs(result.tau).max() / 5.0, rel=1e-3)
 

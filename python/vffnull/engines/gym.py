@@ -212,7 +212,8 @@ class ReachEnv(gymnasium.Env["Array", "Array"]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin another episode; the same seed begins the same sequence of them."""
+        """Begin another episode; the same seed begins the same sequence of them. There are no options."""
+        _known(options, ())
         seed = _seed("seed", seed)
         super().reset(seed=seed)
         with self._episodes.lock:
@@ -299,6 +300,7 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
 
         A whole number seeds environment i with ``seed + i``, a list each with its own.
         """
+        _known(options, ("reset_mask",))
         mask = self._mask((options or {}).get("reset_mask"))
         with self._episodes.lock:
             seeds = self._seeds(seed)
@@ -372,6 +374,13 @@ def _typical_torque(scenario: Scenario) -> Array:
     inertia = np.max([np.diag(arm.mass_matrix(q)) for q in postures], axis=0)
     limits = np.inf if arm.torque_limits is None else np.asarray(arm.torque_limits)
     return np.asarray(np.minimum(weight + _ACCELERATION * inertia, limits))
+
+
+def _known(options: Mapping[str, Any] | None, known: Sequence[str]) -> None:
+    """Refuse options that would be passed over."""
+    if strange := [name for name in options or {} if name not in known]:
+        there = f"there is {', '.join(known)}" if known else "there are none"
+        raise InputError(f"options: no {strange[0]!r}; {there}")
 
 
 def _seed(name: str, value: Any) -> int | None:

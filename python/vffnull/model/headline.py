@@ -174,8 +174,12 @@ def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> It
     for name in ("torque", "velocity"):
         ratio, joint = facts.get(f"{name}_limit_ratio"), facts.get(f"{name}_limit_joint")
         if ratio is not None and ratio > 1 + OVER:
-            quantity = {"torque": "force" if joint in slides else "torque", "velocity": "speed"}[name]
-            text = f"the {quantity} of {_joint(arm, joint)} came to {100 * ratio:.4g} % of its limit"
+            share = f"{100 * ratio:.4g} %"
+            if name == "velocity":
+                text = f"the speed of {_joint(arm, joint)} came to {share} of its limit"
+            else:  # what is sent of it may be less
+                quantity = "force" if joint in slides else "torque"
+                text = f"the law asked {_joint(arm, joint)} for {share} of its {quantity} limit"
             yield Finding("over limits", "odd", text)
     first, joint = facts.get("joint_limit_time"), facts.get("joint_limit_joint")
     if first is not None:
