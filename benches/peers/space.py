@@ -54,11 +54,11 @@ def judge(
 
 def kept(group: Group, everybody: list[Way], scene: vff.Scenario) -> list[dict[str, object]]:
     """The rows, run unless there is a file of them; remove the files after changing a way."""
-    file = KEPT / f"{scene.name}.json"
+    file = KEPT / group.section.replace(" ", "-") / f"{scene.name}.json"
     if not file.exists():
         begin = perf_counter()
         rows, _ = judge(group, everybody, scene)
-        KEPT.mkdir(parents=True, exist_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as draft:
             draft.write_text(json.dumps(rows, default=lambda value: value.item()), encoding="utf-8")
         print(f"{scene.name}: {perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
@@ -68,9 +68,8 @@ def kept(group: Group, everybody: list[Way], scene: vff.Scenario) -> list[dict[s
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--arms", nargs="+", default=["panda"], help="; ".join(" ".join(group.arms) for group in GROUPS)
-    )
+    known = dict.fromkeys(" ".join(group.arms) for group in GROUPS)
+    parser.add_argument("--arms", nargs="+", default=["panda"], help="; ".join(known))
     parser.add_argument("--quick", action="store_true", help="0.1 s of one scene, nothing written")
     parser.add_argument("--tune", action="store_true", help="find the settings first")
     parser.add_argument("--only", help="tune this way alone, and judge nothing")
@@ -85,8 +84,8 @@ def main() -> None:
     given = parser.parse_args()
     group = next((each for each in GROUPS if set(each.arms) == set(given.arms)), None)
     if group is None:
-        parser.error(f"--arms: there are {' and '.join(' '.join(each.arms) for each in GROUPS)}")
-    everybody, begin = spatial.load(group.arms), perf_counter()
+        parser.error(f"--arms: there are {' and '.join(known)}")
+    everybody, begin = spatial.load(group), perf_counter()
     if given.tune or given.only:
         seeds = range(scenes.TRAINING.start, scenes.TRAINING.start + given.training)
         for way in everybody:
@@ -108,12 +107,12 @@ def main() -> None:
     names = tuple(way.name for way in everybody)
     outcome = vff.Evaluation.of(scored or [row for rows, _ in parts for row in rows], names)
     taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names if group.timed}
-    text = tables(everybody, outcome, taken, tune.found(group.found))
+    text = tables(everybody, outcome, taken, tune.found(group.found), group.packages)
     print(text)
     if not given.quick:
         write_section(DOCS / "peers.md", group.section, text)
-        if group.timed:
-            draw(outcome, taken, DOCS / "figures" / "peers-space.png")
+        if group.figure:
+            draw(outcome, taken, DOCS / "figures" / group.figure)
     print(f"{perf_counter() - begin:.0f} s")
 
 

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from peers.spatial.group import Group
 from peers.spatial.way import Way
 
-MODULES = ("ours", "with_mink", "oscbf")
 
-
-def load(arms: tuple[str, ...]) -> list[Way]:
-    """Every way that drives all of these arms, ours first; ends the program if one is not what it must be."""
+def load(group: Group) -> list[Way]:
+    """Every way that drives a group's arms, ours first; ends the program if one is not what it must be."""
     try:
-        modules = [import_module(f"peers.spatial.{name}") for name in MODULES]
+        modules = [import_module(f"peers.spatial.{name}") for name in group.modules]
     except ImportError as error:
         raise SystemExit(f"{error}: the peers need `pip install '.[peers]'`") from error
     for module in modules:
-        for arm in arms:
+        for arm in group.arms:
             getattr(module, "check", lambda _: None)(arm)
-    return [way for module in modules for way in module.WAYS if set(arms) <= set(way.arms)]
+    everybody = [way for module in modules for way in module.WAYS if set(group.arms) <= set(way.arms)]
+    return [way for way in everybody if not group.ways or way.name in group.ways]

@@ -21,7 +21,13 @@ class Group:
     seeds : int
         Evaluation seeds of every arm, family and task.
     timed : bool
-        Whether steps are timed and the figure is drawn.
+        Whether steps are timed.
+    modules, packages : tuple of str
+        Where their ways are, and the distributions whose versions matter.
+    ways : tuple of str
+        Who of them is judged here; nothing for all.
+    figure : str
+        What is drawn, if anything.
     """
 
     arms: tuple[str, ...]
@@ -29,10 +35,14 @@ class Group:
     found: Path
     seeds: int
     timed: bool = False
+    modules: tuple[str, ...] = ("ours", "with_mink", "oscbf")
+    packages: tuple[str, ...] = ("cbfpy", "daqp", "elastiqp", "jax", "mink", "mujoco", "numpy")
+    ways: tuple[str, ...] = ()
+    figure: str = ""
 
 
 HERE = Path(__file__).parent
 GROUPS = (
-    Group(("panda",), "space", HERE / "tuned.toml", seeds=4, timed=True),
+    Group(("panda",), "space", HERE / "tuned.toml", seeds=4, timed=True, figure="peers-space.png"),
     Group(("iiwa14", "ur5e"), "two arms", HERE / "tuned_two_arms.toml", seeds=2),
 )

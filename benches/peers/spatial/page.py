@@ -17,16 +17,19 @@ from peers.spatial.way import Way
 from report import readable, rows
 from vffnull.evaluation.planner import VERDICTS
 
-PACKAGES = ("cbfpy", "daqp", "elastiqp", "jax", "mink", "mujoco", "numpy")
 SLOWER = 1.001  # of a speed limit: beyond rounding
 BEYOND = 1e-3  # rad
 
 
 def tables(
-    everybody: list[Way], outcome: vff.Evaluation, taken: Mapping[str, Array], found: Mapping[str, Any]
+    everybody: list[Way],
+    outcome: vff.Evaluation,
+    taken: Mapping[str, Array],
+    found: Mapping[str, Any],
+    packages: tuple[str, ...],
 ) -> str:
     """All of them, with what was run; nothing of times where none were `taken`."""
-    versions = ", ".join(f"{package} {version(package)}" for package in PACKAGES)
+    versions = ", ".join(f"{package} {version(package)}" for package in packages)
     machine = f"Python {platform.python_version()}; {os.cpu_count()} cores, {platform.machine()}"
     works = "".join(f"- **{way.name}**: {way.work}.\n" for way in everybody)
     return f"""\
@@ -181,5 +184,5 @@ def searched(everybody: list[Way], found: Mapping[str, Any]) -> str:
             chosen = known["settings"][key]
             body.append([f"{way.name}: `{key}`", f"{each.low:g} to {each.high:g}{scale}", f"{chosen:g}"])
     table = rows(["setting", "searched", "chosen"], body)
-    scenes = {known["scenes"] for known in found.values()}
+    scenes = {found[way.name]["scenes"] for way in everybody if way.space}
     return f"Tuned on {', '.join(map(str, scenes))} training scenes: {'; '.join(efforts)}.\n\n{table}"
