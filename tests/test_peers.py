@@ -154,3 +154,43 @@ def test_tuning_finds_a_better_setting_and_keeps_it(tmp_path: Path, monkeypatch:
     again = tune.tune(way, chosen, trials=1)
     assert again["trials"] == 5 and again["loss"] == outcome["loss"]  # what was found is tried first
     assert tune.settings_of(way) == outcome["settings"] and set(tune.found()) == {"field", "other"}
+
+
+def test_mppi_knows_arms_and_obstacles() -> None:
+    """As the core and the second geometry, in single precision; and its systems are solved."""
+    mppi = pytest.importorskip("peers.spatial.with_mppi", reason="needs Numba")
+    for name in ("panda", "iiwa14", "ur5e"):
+        mppi.check(name)
+    rng = np.random.default_rng(0)
+    factor, right = rng.standard_normal((6, 9, 4)), rng.standard_normal((6, 4))
+    matrix = np.einsum("ijn,kjn->ikn", factor, factor)
+    found = mppi.solved(matrix.copy(), right.copy())
+    np.testing.assert_allclose(np.einsum("ijn,jn->in", matrix, found), right, atol=1e-9)
+
+
+def test_mppi_goes_where_its_rollouts_say() -> None:
+    """Its plan as the loop follows it, and as one that is rolled out without noise; again after a reset."""
+    mppi = pytest.importorskip("peers.spatial.with_mppi", reason="needs Numba")
+    task = Task(scenes.in_space("path-crossed", "panda", "pose", 0))
+    for kind in (mppi.InJoints, mppi.AroundHand):
+        controller = kind(task, mppi.USUAL | mppi.HAND | {"samples": 20, "every": 10**6})
+        first = controller.torque(0, task.q0, np.zeros(7))
+        plan = controller.plan
+        controller.reset()
+        q, *_ = controller.roll(0, plan[..., None])[-2]
+        for k in range(round(float(controller.grid[-1]) / task.dt)):
+            controller.torque(k, controller.q, controller.dq)
+        assert (controller.plan == plan).all() and np.abs(controller.q - task.q0).max() > 0.02
+        np.testing.assert_allclose(controller.q, q[:, 0], atol=2e-3)
+        controller.reset()
+        assert (controller.torque(0, task.q0, np.zeros(7)) == first).all()
+
+
+def test_mppi_avoids_with_few_plans() -> None:
+    mppi = pytest.importorskip("peers.spatial.with_mppi", reason="needs Numba")
+    scene = scenes.in_space("links-swept", "panda", "position", 0)
+    settings = mppi.USUAL | mppi.HAND | {"samples": 40, "every": 40}
+    assert free(scene).clearance.min() < 0.0
+    way = Way("MPPI", "", prepare=mppi.AroundHand)
+    row = drive(way, settings, scene, evaluating.encounter(free(scene)), "with tip").row
+    assert not row["collided"] and row["returned"]

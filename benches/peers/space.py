@@ -1,7 +1,8 @@
 """Other libraries and ours on the same random scenes in space: `python benches/peers/space.py`.
 
 Needs ``pip install ".[peers,tune]"`` and a quarter of an hour; writes docs/peers.md and draws
-docs/figures/peers-space.png. ``--arms iiwa14 ur5e`` does that for two other arms, without times and figure.
+docs/figures/peers-space.png. ``--arms iiwa14 ur5e`` does that for two other arms, without times and figure,
+``--sampling`` for MPPI beside cbf, without a figure; of the extras that needs SciPy and Numba alone.
 ``--tune`` finds the settings of benches/peers/spatial/tuned*.toml first, on training seeds, which takes
 longer. Scenes that are done are kept in target/peers: an interrupted run resumes, and several processes can
 share the work with ``--skip``. ``--quick`` drives 0.1 s of one scene and only prints.
@@ -70,6 +71,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     known = dict.fromkeys(" ".join(group.arms) for group in GROUPS)
     parser.add_argument("--arms", nargs="+", default=["panda"], help="; ".join(known))
+    parser.add_argument("--sampling", action="store_true", help="MPPI beside cbf, instead of the libraries")
     parser.add_argument("--quick", action="store_true", help="0.1 s of one scene, nothing written")
     parser.add_argument("--tune", action="store_true", help="find the settings first")
     parser.add_argument("--only", help="tune this way alone, and judge nothing")
@@ -82,9 +84,10 @@ def main() -> None:
         "--skip", type=int, default=0, help="seeds to leave to another process; writes no page"
     )
     given = parser.parse_args()
-    group = next((each for each in GROUPS if set(each.arms) == set(given.arms)), None)
+    chosen_arms = [each for each in GROUPS if set(each.arms) == set(given.arms)]
+    group = next((each for each in chosen_arms if (each.section == "sampling") == given.sampling), None)
     if group is None:
-        parser.error(f"--arms: there are {' and '.join(known)}")
+        parser.error(f"--arms: there are {' and '.join(known)}, the first of them with --sampling too")
     everybody, begin = spatial.load(group), perf_counter()
     if given.tune or given.only:
         seeds = range(scenes.TRAINING.start, scenes.TRAINING.start + given.training)

@@ -45,4 +45,21 @@ HERE = Path(__file__).parent
 GROUPS = (
     Group(("panda",), "space", HERE / "tuned.toml", seeds=4, timed=True, figure="peers-space.png"),
     Group(("iiwa14", "ur5e"), "two arms", HERE / "tuned_two_arms.toml", seeds=2),
+    Group(
+        ("panda",),
+        "sampling",
+        HERE / "tuned.toml",
+        seeds=4,
+        timed=True,
+        modules=("ours", "with_mppi"),
+        packages=("numba", "numpy", "scipy"),
+        ways=(
+            "cbf",
+            "cbf + preview",
+            "MPPI, usual settings",
+            "MPPI, tuned",
+            "MPPI around the hand's law",
+            "MPPI around the hand's law, 6 plans",
+        ),
+    ),
 )

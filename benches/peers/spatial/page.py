@@ -37,7 +37,7 @@ def tables(
 
 {rates(outcome)}
 {by_arm(outcome)}{medians(outcome)}
-{costs(outcome, taken)}{reasons(outcome)}
+{costs(everybody, outcome, taken)}{reasons(outcome)}
 {works}
 {searched(everybody, found)}
 {versions}, vffnull {vff.__version__}; {machine}.
@@ -156,18 +156,26 @@ def reasons(outcome: vff.Evaluation) -> str:
     return "".join(lines)
 
 
-def costs(outcome: vff.Evaluation, taken: Mapping[str, Array]) -> str:
-    """What a step of control takes, and its ratio to cbf."""
+def costs(everybody: list[Way], outcome: vff.Evaluation, taken: Mapping[str, Array]) -> str:
+    """What a step of control takes, and its ratio to cbf; where somebody plans, what a second takes, too."""
     if not taken:
         return ""
     base = np.percentile(taken["cbf"], (50.0, 99.9))
-    body = []
+    every = {way.name: way.every for way in everybody}
+    planned, body = max(every.values()) > 1, []
     for name in outcome.controllers:
         here = np.percentile(taken[name], (50.0, 99.9))
-        times = (readable(1e-9 * each) for each in here)
-        ratios = (f"{each:.3g}" for each in here / base)
+        times = [readable(1e-9 * each) for each in here]
+        ratios = [f"{each:.3g}" for each in here / base]
         body.append([name, *times, *ratios])
+        if planned:
+            plans = readable(1e-9 * np.median(taken[name][:: every[name]])) if every[name] > 1 else "–"
+            second = 1e3 * taken[name].mean()
+            ratio = f"{taken[name].mean() / taken['cbf'].mean():.3g}"
+            body[-1] += [plans, readable(1e-9 * second), ratio]
     head = ["one step of control", "median", "99.9 %", "multiple of cbf, median", "multiple of cbf, 99.9 %"]
+    if planned:
+        head += ["step with a plan, median", "a second of control", "multiple of cbf, a second"]
     return rows(head, body) + "\n"
 
 

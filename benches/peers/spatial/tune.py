@@ -65,7 +65,7 @@ def tune(way: Way, chosen: list[vff.Scenario], trials: int, file: Path | None = 
     def suggested(trial: optuna.Trial) -> Settings:
         ranges = way.space.items()
         found = {key: trial.suggest_float(key, each.low, each.high, log=each.log) for key, each in ranges}
-        return {**way.settings, **found}
+        return {**way.settings, **found, **way.hasty}
 
     def objective(trial: optuna.Trial) -> float:
         settings = suggested(trial)

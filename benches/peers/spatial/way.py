@@ -68,6 +68,10 @@ class Way:
         Instead of it for what the core runs itself: what settings change of a scene.
     arms : tuple of str
         The arms that it can drive.
+    hasty : mapping, optional
+        What of the settings is cheaper while others are searched.
+    every : int
+        Steps from one plan to the next; what a step takes differs between them.
     """
 
     name: str
@@ -78,3 +82,5 @@ class Way:
     changes: Callable[[Settings], Settings] | None = None
     like: str = ""
     arms: tuple[str, ...] = scenes.ARMS
+    hasty: Settings = field(default_factory=dict)
+    every: int = 1
