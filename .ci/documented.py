@@ -71,6 +71,7 @@ SHORTER = {
     "python benches/peers/space.py --arms iiwa14 ur5e": (
         "python benches/peers/space.py --arms iiwa14 ur5e --quick"
     ),
+    "python benches/peers/space.py --sampling": "python benches/peers/space.py --sampling --quick",
     "vffnull evaluate": "vffnull evaluate --count 1",
 }
 # What is not run, and why.
