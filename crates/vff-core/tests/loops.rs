@@ -540,7 +540,7 @@ fn set_points_come_to_rest() {
                 threshold: 0.1,
             };
             let mut arm =
-                VirtualArm::new(&mut bench.controller, &given, period, &PLACES[0].q).unwrap();
+                VirtualArm::new(&mut bench.controller, &given, period, PLACES[0].q).unwrap();
             let widths = bench.controller.widths();
             let (mut x, still) = (vec![0.0; widths[0]], vec![0.0; widths[1]]);
             bench.controller.write_pose(&mut x);

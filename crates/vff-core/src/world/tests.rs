@@ -238,8 +238,12 @@ fn contacts_say_what_is_kept() {
         let x = |k: usize| f64::from(u32::try_from(k).unwrap());
         let kept = |k: usize| Obstacle {
             ignore: if k == 5 { vec![links[0].clone()] } else { vec![] },
-            margin: (k % 3 > 0).then_some(0.01 * x(k % 3)),
-            margins: if k % 2 > 0 { [(links[1].clone(), 0.1)].into() } else { [].into() },
+            margin: (!k.is_multiple_of(3)).then_some(0.01 * x(k % 3)),
+            margins: if !k.is_multiple_of(2) {
+                [(links[1].clone(), 0.1)].into()
+            } else {
+                [].into()
+            },
             ..disc([0.1 * x(k), 0.3 + 0.05 * x(k)], Motion::default())
         };
         let expected = |k: usize, link: usize, is_load: bool| match (k % 2, k % 3) {
@@ -248,10 +252,10 @@ fn contacts_say_what_is_kept() {
             (_, thirds) => PairMargin::own(0.01 * x(thirds)),
         };
         let mut world = World::new((0..count).map(kept).collect());
-        assert_eq!(world.most_margin(), 0.0, "nobody knows the links yet");
+        assert!(world.most_margin() == 0.0, "nobody knows the links yet");
         world.know_links(&links);
-        assert_eq!(world.most_margin(), 0.1);
-        assert_eq!(world.only([0, 2]).most_margin(), 0.02);
+        assert!((world.most_margin() - 0.1).abs() < 1e-15);
+        assert!((world.only([0, 2]).most_margin() - 0.02).abs() < 1e-15);
         for (link, is_load) in [(0, false), (1, false), (2, false), (1, true)] {
             let start = Vector::<2>::new(x(link), 0.0);
             let capsule = Capsule::new(start, start + Vector::<2>::new(1.0, 0.0), 0.05);
@@ -277,7 +281,8 @@ fn contacts_say_what_is_kept() {
                 }
             });
             let boxes = world.boxes();
-            assert_eq!(world.usual_distance_within(&boxes, &body, f64::INFINITY), least);
+            let found = world.usual_distance_within(&boxes, &body, f64::INFINITY);
+            assert_eq!(found.to_bits(), least.to_bits());
             for j in 0..count {
                 check(&world.contact_after(0, &body, j, 0.1));
                 assert_eq!(world.margin_of(j, &body), expected(j, link, is_load));
