@@ -74,7 +74,8 @@ mod tests {
             prop_assert!(seen(distance + farther) > seen(distance));
             prop_assert_eq!(seen(distance) < usual, distance < own);
             prop_assert!((seen(own + farther) - usual - farther).abs() < 1e-12);
-            prop_assert_eq!(PairMargin::USUAL.as_usual(distance, usual).to_bits(), distance.to_bits());
+            let others = PairMargin::USUAL.as_usual(distance, usual);
+            prop_assert_eq!(others.to_bits(), distance.to_bits());
         }
     }
 }

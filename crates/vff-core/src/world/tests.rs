@@ -239,11 +239,7 @@ fn contacts_say_what_is_kept() {
         let kept = |k: usize| Obstacle {
             ignore: if k == 5 { vec![links[0].clone()] } else { vec![] },
             margin: (!k.is_multiple_of(3)).then_some(0.01 * x(k % 3)),
-            margins: if !k.is_multiple_of(2) {
-                [(links[1].clone(), 0.1)].into()
-            } else {
-                [].into()
-            },
+            margins: (1..=k % 2).map(|_| (links[1].clone(), 0.1)).collect(),
             ..disc([0.1 * x(k), 0.3 + 0.05 * x(k)], Motion::default())
         };
         let expected = |k: usize, link: usize, is_load: bool| match (k % 2, k % 3) {
@@ -252,7 +248,7 @@ fn contacts_say_what_is_kept() {
             (_, thirds) => PairMargin::own(0.01 * x(thirds)),
         };
         let mut world = World::new((0..count).map(kept).collect());
-        assert!(world.most_margin() == 0.0, "nobody knows the links yet");
+        assert!(world.most_margin() <= 0.0, "nobody knows the links yet");
         world.know_links(&links);
         assert!((world.most_margin() - 0.1).abs() < 1e-15);
         assert!((world.only([0, 2]).most_margin() - 0.02).abs() < 1e-15);
@@ -281,8 +277,8 @@ fn contacts_say_what_is_kept() {
                 }
             });
             let boxes = world.boxes();
-            let found = world.usual_distance_within(&boxes, &body, f64::INFINITY);
-            assert_eq!(found.to_bits(), least.to_bits());
+            let usual = world.usual_distance_within(&boxes, &body, f64::INFINITY);
+            assert_eq!(usual.to_bits(), least.to_bits());
             for j in 0..count {
                 check(&world.contact_after(0, &body, j, 0.1));
                 assert_eq!(world.margin_of(j, &body), expected(j, link, is_load));
