@@ -207,7 +207,7 @@ impl Barrier {
             joints: JointBounds::new(robot, gains, [reserve.angle, reserve.joint]),
             tip: [tip_speed, tip_angular_speed].map(|most| most.unwrap_or(f64::INFINITY)),
             tip_share: reserve.tip,
-            planes: Vec::with_capacity(2 * (1 + CUTS)),
+            planes: vec![],
             turning_weight: 0.0,
             rate: rate(settings),
             margins: Margins::new(n, settings),
@@ -263,6 +263,8 @@ impl Barrier {
         self.program.reserve(constraints);
         self.ends.clear();
         self.ends.reserve(n);
+        self.planes.clear();
+        self.planes.reserve(2 * (1 + CUTS));
     }
 
     /// What it reckons with where points of links move at this velocity, and where points that are left out are counted.
