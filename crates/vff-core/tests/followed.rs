@@ -193,6 +193,7 @@ fn no_loop_begins_far_beyond_the_stops() {
     .enumerate()
     {
         let t = H * k as f64;
+        controller.begin(H, None).unwrap();
         let refused = controller.cycle(Some(Reading { t, q: &said, dq: &[0.0; 7] }), None);
         let Err(CycleError::Elsewhere(missed)) = refused else { panic!("{refused:?}") };
         assert!(matches!(missed, MissedStart::Stop { joint: j, .. } if j == joint), "{missed}");
@@ -238,10 +239,10 @@ fn set_points_begin_with_the_reference() {
         (missed.is_some(), off, arm.set_point()[0].to_vec())
     };
     let (missed, off, first) = run(&mut controller, &q, 0.0);
-    assert!(!missed && off < 0.1 && first[0] > 0.4, "{off} {first:?}");
+    assert!(!missed && off < 0.15 && first[0] > 0.4, "{off} {first:?}");
     for clock in [0.0, 1234.5] {
         let (missed, again, _) = run(&mut controller, &q, clock);
-        assert!(!missed && again < 0.1, "{again}");
+        assert!(!missed && again < 0.15, "{again}");
     }
     let away = [0.2, 0.9, 0.3, 0.3];
     let (missed, _, last) = run(&mut controller, &away, 0.0);

@@ -169,7 +169,9 @@ class _Reader:
     def _couplings(self) -> dict[int, dict[str, Any]]:
         """The joints that an equality lets follow another one in proportion, and how."""
         model, kind = self._model, int(self._mujoco.mjtEq.mjEQ_JOINT)
-        found = {}
+        found: dict[int, dict[str, Any]] = {}
+        if model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_EQUALITY):
+            return found
         for i in np.flatnonzero((model.eq_type == kind) & (model.eq_active0 != 0)):
             follower, driver = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
             constant, slope, *rest = (float(x) for x in model.eq_data[i, :5])

@@ -163,7 +163,7 @@ where
         if let Some(plan) = first.joints() {
             let [start, end] = plan.span();
             let room = [(plan.first(), start), (plan.last(), end)]
-                .map(|(q, t)| 0.9 * ahead.room(q, t, |_| 0.0))
+                .map(|(q, t)| 0.9 * ahead.room(q, t, settings.margin, |_| 0.0))
                 .into_iter()
                 .fold(settings.margin, f64::min);
             self.kept = room.max(0.0);
@@ -507,9 +507,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
     }
 
     /// How far the arm at `q` will be from everything at `t` \[s\] beyond what each link is to keep \[m\], a pair with a margin of its
-    /// own in the share of that.
-    fn room(&mut self, q: &[f64], t: f64, kept: impl Fn(usize) -> f64) -> f64 {
-        let Self { robot, worlds, usual, .. } = self;
+    /// own in the share that this is of what is kept `usually`.
+    fn room(&mut self, q: &[f64], t: f64, usually: f64, kept: impl Fn(usize) -> f64) -> f64 {
+        let Self { robot, worlds, .. } = self;
+        let usually = usually.max(f64::MIN_POSITIVE);
         robot.update_positions(q);
         let mut least = f64::INFINITY;
         for world in worlds.iter_mut().filter(|world| !world.is_empty()) {
@@ -517,7 +518,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             let mut nearest = |link: usize, d: f64| least = least.min(d - kept(link));
             if world.most_margin() > 0.0 {
                 world.for_each_pair(robot.bodies(), |pair| {
-                    nearest(pair.link, pair.distance / pair.margin.share(*usual));
+                    nearest(pair.link, pair.distance / pair.margin.share(usually));
                 });
             } else {
                 world.for_each_contact(robot.bodies(), f64::NEG_INFINITY, nearest, |_| {});
@@ -554,12 +555,19 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
                 self.worlds[1] = World::new(vec![]);
             }
             let mut margins = std::mem::take(&mut self.margins);
-            match joints.margins() {
-                Some(said) => said.known_at(&Pace::of_time(then), kept / CERTAIN, &mut margins),
-                None => margins.fill([kept / CERTAIN, 0.0, 0.0]),
-            }
-            let room =
-                self.room(&state[0], moment.since + ahead, |link| CERTAIN * margins[link][0]);
+            // A plan says what it keeps in parts of what the law does.
+            let usually = match joints.margins() {
+                Some(said) => {
+                    said.known_at(&Pace::of_time(then), kept / CERTAIN, &mut margins);
+                    self.usual
+                }
+                None => {
+                    margins.fill([kept / CERTAIN, 0.0, 0.0]);
+                    settings.margin
+                }
+            };
+            let kept_by = |link: usize| CERTAIN * margins[link][0];
+            let room = self.room(&state[0], moment.since + ahead, usually, kept_by);
             least = least.min(room);
             (self.q, self.margins) = (state, margins);
         }

@@ -17,42 +17,43 @@
 /// assert_eq!(hand.as_usual(0.005, 0.02), 0.02);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PairMargin(Option<f64>);
+pub struct PairMargin(f64); // 0 for the usual one: contacts are copied often
 
 impl PairMargin {
     /// The usual one.
-    pub const USUAL: Self = Self(None);
+    pub const USUAL: Self = Self(0.0);
 
     /// One of its own \[m\], > 0.
     pub fn own(margin: f64) -> Self {
-        Self(Some(margin))
+        Self(margin)
     }
 
     /// Whether it is one of its own.
     pub fn is_own(self) -> bool {
-        self.0.is_some()
+        self.0 > 0.0
     }
 
     /// What is kept where others keep `usual` \[m\].
     #[inline]
     pub fn or(self, usual: f64) -> f64 {
-        self.0.unwrap_or(usual)
+        if self.is_own() { self.0 } else { usual }
     }
 
     /// How many times what others keep, who usually keep `usual` \[m\].
     #[inline]
     pub fn share(self, usual: f64) -> f64 {
-        self.0.map_or(1.0, |own| own / usual)
+        if self.is_own() { self.0 / usual } else { 1.0 }
     }
 
     /// The distance at which a pair that keeps `usual` is as well off as this one at `distance`, in parts of its margin below that,
     /// in metres above \[m\].
     #[inline]
     pub fn as_usual(self, distance: f64, usual: f64) -> f64 {
-        match self.0 {
-            None => distance,
-            Some(own) if distance > own => usual + (distance - own),
-            Some(own) => distance * (usual / own),
+        let Self(own) = self;
+        match self.is_own() {
+            false => distance,
+            true if distance > own => usual + (distance - own),
+            true => distance * (usual / own),
         }
     }
 }

@@ -229,9 +229,8 @@ impl JointBounds {
             (most - bias[i].abs()).max(0.0) / column[i]
         });
         let k = stopping_pole(self.rate, deceleration, dq);
-        let change = 2.0 * k * dq;
-        let height = |height| returned(height, self.speed[i], k);
-        [-change - k * k * height(q - low), -change + k * k * height(high - q)]
+        let towards = |height, dq| stopped(height, dq, self.speed[i], k);
+        [-towards(q - low, -dq), towards(high - q, dq)]
     }
 
     /// Behind a limit of the torque rate: (T131) for the angle and (T132) for the speed.
@@ -287,10 +286,10 @@ fn stopping_pole(rate: f64, deceleration: f64, dq: f64) -> f64 {
     rate.min(BRAKING * deceleration / dq.abs()).max(rate.min(SLOWEST))
 }
 
-/// How far a stop counts as away that is `height` away: from beyond it, where that is less than 0, a joint with the pole `k` comes back
-/// with half of its largest speed `most`.
-fn returned(height: f64, most: f64, k: f64) -> f64 {
-    height.max(-most / k)
+/// The largest acceleration with the pole `k` towards a stop that is `height` away, at the speed `dq` towards it (T162); from beyond it,
+/// where `height` is less than 0, a joint comes back with half of its largest speed `most`.
+fn stopped(height: f64, dq: f64, most: f64, k: f64) -> f64 {
+    k * k * height.max(-most / k) - 2.0 * k * dq
 }
 
 /// What is added to the braking of a joint beyond its largest speed `most` at the speed `dq`, which has that sign (T164).
@@ -328,7 +327,7 @@ mod tests {
             let mut least = f64::INFINITY;
             for _ in 0..20_000 {
                 let k = stopping_pole(40.0, deceleration, dq);
-                let most = k * k * height - 2.0 * k * dq;
+                let most = stopped(height, dq, 6.0, k);
                 let ddq = f64::min(asked * deceleration, most).max(-deceleration);
                 dq += PERIOD * ddq;
                 height -= PERIOD * dq;
@@ -346,7 +345,7 @@ mod tests {
             let mut hardest: f64 = 0.0;
             while dq > 1e-3 {
                 let k = stopping_pole(40.0, deceleration, dq);
-                let ddq = (k * k * height - 2.0 * k * dq).min(0.0);
+                let ddq = stopped(height, dq, 6.0, k).min(0.0);
                 hardest = hardest.max(-ddq);
                 dq += PERIOD * ddq;
                 height -= PERIOD * dq;
@@ -366,14 +365,13 @@ mod tests {
         for beyond in [0.01, 0.1, 0.5, 2.0] {
             let (mut height, mut dq, mut fastest) = (-beyond, 0.0_f64, 0.0_f64);
             for _ in 0..4000 {
-                let ddq = -2.0 * 40.0 * dq + 40.0 * 40.0 * -returned(height, 2.0, 40.0);
-                dq += PERIOD * ddq;
-                height += PERIOD * dq;
-                fastest = fastest.max(dq);
+                dq += PERIOD * stopped(height, dq, 2.0, 40.0);
+                height -= PERIOD * dq;
+                fastest = fastest.max(-dq);
             }
             assert!(fastest < 1.01 && height.abs() < 1e-3, "{beyond} {fastest} {height}");
         }
-        assert!(returned(-0.04, 2.0, 40.0) + 0.04 == 0.0); // a little beyond, as before
+        assert!((stopped(-0.04, 0.0, 2.0, 40.0) + 64.0).abs() < 1e-12); // a little beyond, as before
     }
 
     /// (T164) leaves a joint alone that is within a thousandth of its limit, and is continuous there.

@@ -51,7 +51,7 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     /// The margin that is asked for \[m\], with which margins of pairs of their own are compared.
     pub asked: f64,
     /// The largest of those in parts of it, 1 or more.
-    most_share: f64,
+    pub most_share: f64,
     /// From where on it does not matter how far a link is \[m\].
     limits: Vec<f64>,
     /// Signed distance of each link from what is nearest of that from which it keeps the usual margin \[m\], ∞ from its limit on.

@@ -74,7 +74,9 @@ impl Margins {
     /// For motions from `start` to one of `goals`, from which a path may be hard to find: the first are to be tried first.
     /// As asked for wherever the arm is away from ends that have less, first close to these; then, links that have less at the start and
     /// at every goal keep no more than there all the way, as a shoulder above its table does; then all keep no more.
-    pub fn ladder(asked: f64, start: &End, goals: &[End]) -> Vec<Self> {
+    /// A margin of a pair's own, which keeps up to `most_share` of these, grows no faster than the others would alone: no distance grows
+    /// faster than its link goes.
+    pub fn ladder(asked: f64, most_share: f64, start: &End, goals: &[End]) -> Vec<Self> {
         let links = 0..start.kept.len();
         let at_goals = |link: usize| goals.iter().map(|end| end.kept[link]).fold(0.0, f64::max);
         let least: Vec<f64> =
@@ -88,7 +90,8 @@ impl Margins {
             all.filter(has_less).cloned().collect()
         };
         let mut steps: Vec<Self> = vec![];
-        let (all, [steep, slow]) = (vec![asked; least.len()], SLOPES);
+        let all = vec![asked; least.len()];
+        let [steep, slow] = SLOPES.map(|slope| slope / most_share);
         if ends().is_empty() {
             return vec![Self::constant(all, APART)];
         }

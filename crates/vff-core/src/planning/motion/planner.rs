@@ -170,7 +170,7 @@ where
                 }
             })
             .collect();
-        let ladder = Margins::ladder(asked, &first, &goals);
+        let ladder = Margins::ladder(asked, self.space.most_share, &first, &goals);
         let last = ladder.len() - 1;
         let mut left = self.settings.samples;
         let mut failed = None;

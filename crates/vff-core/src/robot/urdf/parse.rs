@@ -98,39 +98,38 @@ pub fn parse(text: &str) -> Result<Tree, UrdfError> {
             _ => {}
         }
     }
-    tree.warnings = odd(robot)?;
+    tree.warnings = odd(robot);
     Ok(tree)
 }
 
 /// What is read otherwise than it may be meant: roll, pitch and yaw in degrees, and stops that are not taken over.
-fn odd(robot: Node<'_, '_>) -> Result<Vec<String>, UrdfError> {
-    let (mut turned, mut softer) = (0, vec![]);
-    for node in robot.descendants().filter(Node::is_element) {
-        let place = "robot";
-        match node.tag_name().name() {
-            "origin" => {
-                let angles = numbers::<3>(node, "rpy", place)?.unwrap_or_default();
-                // 2π, rounded up.
-                turned += usize::from(angles.iter().any(|angle| angle.abs() > 6.3));
-            }
-            "joint" => {
-                let ends = |tag, keys: [&str; 2]| -> Result<_, UrdfError> {
-                    let Some(node) = child(node, tag) else { return Ok(None) };
-                    let [lower, upper] =
-                        [number(node, keys[0], place)?, number(node, keys[1], place)?];
-                    Ok(lower.zip(upper))
-                };
-                let soft = ends("safety_controller", ["soft_lower_limit", "soft_upper_limit"])?;
-                if let (Some(soft), Some(hard)) = (soft, ends("limit", ["lower", "upper"])?)
-                    && soft.0 < soft.1
-                    && (soft.0 > hard.0 || soft.1 < hard.1)
-                {
-                    softer.push(node.attribute("name").unwrap_or_default());
-                }
-            }
-            _ => {}
-        }
+fn odd(robot: Node<'_, '_>) -> Vec<String> {
+    fn given<const N: usize>(node: Node<'_, '_>, attribute: &str) -> Option<[f64; N]> {
+        numbers(node, attribute, "").ok().flatten()
     }
+    let links = robot.children().filter(|node| node.has_tag_name("link"));
+    let joints = robot.children().filter(|node| node.has_tag_name("joint"));
+    let parts = links.flat_map(|link| link.children()).filter(|part| !part.has_tag_name("visual"));
+    let placed = joints.clone().chain(parts);
+    let is_turned = |node: &Node<'_, '_>| {
+        let angles = child(*node, "origin").and_then(|origin| given::<3>(origin, "rpy"));
+        // 2π, rounded up.
+        angles.is_some_and(|angles| angles.iter().any(|angle| angle.abs() > 6.3))
+    };
+    let turned = placed.filter(is_turned).count();
+    let is_softer = |node: &Node<'_, '_>| {
+        let ends = |tag, [low, high]: [&str; 2]| {
+            let node = child(*node, tag)?;
+            Some((given::<1>(node, low)?[0], given::<1>(node, high)?[0]))
+        };
+        let soft = ends("safety_controller", ["soft_lower_limit", "soft_upper_limit"]);
+        let has_stops = node.attribute("type") != Some("continuous");
+        soft.zip(ends("limit", ["lower", "upper"])).is_some_and(|(soft, hard)| {
+            has_stops && soft.0 < soft.1 && (soft.0 > hard.0 || soft.1 < hard.1)
+        })
+    };
+    let softer: Vec<_> =
+        joints.filter(is_softer).filter_map(|joint| joint.attribute("name")).collect();
     let mut warnings = vec![];
     if turned > 0 {
         warnings.push(format!(
@@ -143,7 +142,7 @@ fn odd(robot: Node<'_, '_>) -> Result<Vec<String>, UrdfError> {
             list(&softer)
         ));
     }
-    Ok(warnings)
+    warnings
 }
 
 fn child<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {

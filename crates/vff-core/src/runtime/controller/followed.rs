@@ -92,8 +92,6 @@ pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
     replanning: Option<Box<dyn Replan<S, D, M>>>,
     /// The time of the loop at which it begins \[s\]; None in a loop that is watched over or sets points, until there is a state.
     begins: Option<f64>,
-    /// Whether a loop that sets points has begun.
-    waits: bool,
     /// Where the end effector of its scenario is then.
     start: S::Pose,
 }
@@ -101,14 +99,7 @@ pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
 impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
     /// From time 0 on, when the end effector of the scenario is at `start`.
     pub(super) fn new(trajectory: Trajectory<S::Pose, M>, start: S::Pose) -> Self {
-        Self {
-            trajectory,
-            governor: None,
-            replanning: None,
-            begins: Some(0.0),
-            waits: false,
-            start,
-        }
+        Self { trajectory, governor: None, replanning: None, begins: Some(0.0), start }
     }
 
     /// From now on `replanning` watches over it, in a thread of its own.
@@ -157,15 +148,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
     }
 
-    /// From now on it begins with the first state.
-    pub(super) fn wait_for_a_state(&mut self) {
-        self.waits = true;
-    }
-
-    /// Begins anew: at time 0, or, in a loop that is watched over, with its first state.
-    pub(super) fn restart(&mut self, watched: bool) {
+    /// Begins anew: at time 0, or, in a loop that is watched over or sets points, with its first state.
+    pub(super) fn restart(&mut self, waits: bool) {
         self.governor = None;
-        self.begins = (!watched && !self.waits).then_some(0.0);
+        self.begins = (!waits).then_some(0.0);
         if let Some(replanning) = &mut self.replanning {
             self.trajectory = replanning.restart();
         }

@@ -484,6 +484,7 @@ where
     fn begin_at_rest(&mut self, q: &[f64]) -> Result<(), MissedStart> {
         self.stand_at(q)?;
         self.forget();
+        self.followed.iter_mut().for_each(|followed| followed.restart(true));
         Ok(())
     }
 

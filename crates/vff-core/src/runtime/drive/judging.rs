@@ -80,6 +80,9 @@ impl Judge {
             told.fill(0.0);
             swept.fill(0.0);
             *suspect = suspect.filter(|_| follows);
+            if !follows {
+                small.fill(0);
+            }
             return None;
         }
         *elapsed += step;
@@ -159,19 +162,20 @@ mod tests {
     fn what_robots_say_is_let_be() {
         let mut noise = crate::math::Noise::new(7, 0);
         for (amplitude, hertz) in
-            [(0.3, 1.0), (0.2, 3.0), (0.08, 6.0), (0.05, 9.8), (0.03, 15.0), (0.02, 0.5)]
+            [(0.3, 1.0), (0.05, 3.0), (0.03, 4.0), (0.01, 6.0), (0.005, 9.8), (0.02, 0.5)]
         {
             for lag in [0.0, 0.01, 0.02] {
                 let w = std::f64::consts::TAU * hertz;
                 let (mut judge, mut said) = (Judge::new(2, 1e-3), 0.0);
+                let mut moved = 0.0;
                 for k in 0..20_000 {
                     let t = 1e-3 * f64::from(k);
-                    // Every second half of a second it sets off at once, and comes to rest in the other.
+                    // Every second half of a second it sets off at once, and stands still in the other.
                     let moves = k / 500 % 2 == 0;
-                    let (q, dq) = match moves {
-                        true => (amplitude * (w * t).sin(), amplitude * w * (w * t).cos()),
-                        false => (amplitude * (w * 0.5 * f64::from(k / 500)).sin(), 0.0),
-                    };
+                    moved += if moves { 1e-3 } else { 0.0 };
+                    let (q, dq) =
+                        (amplitude * (w * moved).sin(), amplitude * w * (w * moved).cos());
+                    let dq = if moves { dq } else { 0.0 };
                     said += (dq - said) * 1e-3 / (lag + 1e-3);
                     let [a, b, c, d] = std::array::from_fn(|_| noise.draw());
                     let q = [q + 1e-3 * a, 0.05 * t + 3e-3 * b];

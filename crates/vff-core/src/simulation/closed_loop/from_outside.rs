@@ -37,9 +37,12 @@ impl FromOutside {
     #[expect(clippy::cast_precision_loss, reason = "steps of a control period")]
     pub(super) fn sent(&mut self, law: &[f64], passed: usize) -> Option<&[f64]> {
         let steps = replace(&mut self.steps, 0);
+        if steps == 0 {
+            return None;
+        }
         let rest = passed.saturating_sub(steps) as f64 / passed.max(1) as f64;
         self.mean.iter_mut().zip(law).for_each(|(mean, law)| *mean += rest * (law - *mean));
-        (steps > 0).then_some(&self.mean)
+        Some(&self.mean)
     }
 }
 

@@ -19,7 +19,7 @@ const SLIGHTLY: f64 = 1e-4;
 /// Which acceleration says where the tip goes.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Toward<'a> {
-    /// What is desired, behind a limit of the torque rate none: then it goes on as it goes.
+    /// The desired one; behind a limit of the torque rate it goes the way of its present velocity, and that plane is all.
     Desired(Option<&'a TorqueRange>),
     /// The last program's.
     Found,

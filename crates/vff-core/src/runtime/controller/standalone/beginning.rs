@@ -22,7 +22,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         self.far_beyond(q).map_or(Ok(()), Err)?;
         self.come_back();
         self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
-        self.followed.iter_mut().for_each(|followed| followed.wait_for_a_state());
         Ok(())
     }
 
