@@ -345,7 +345,7 @@ def test_of_the_robot(arm: str, command: dict[str, Any]) -> None:
     given = vff.ControlSettings(stiffness=100.0, damping=20.0, command=command, observer=observer)
     assert settings.to_dict()["command"] == "of the robot"
     model = vff.Arm.named(arm)
-    q = np.full(model.n, 0.4)
+    q = np.clip(0.4, *model.joint_limits.T) if model.joint_limits is not None else np.full(model.n, 0.4)
     first, second = (vff.Controller(model, each) for each in (settings, given))
     for controller in (first, second):
         controller.begin(PERIOD)
