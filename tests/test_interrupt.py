@@ -71,7 +71,7 @@ LONG = {
         "e = _core.Episodes(scene() | {'duration': 1e4}, {'period': 1e3}, 8, 1, 0)",
         "e.step(np.zeros((8, 6)))",
     ),
-    "many new Episodes": ("", "_core.Episodes(scene(), {}, 400000, 2, 0)"),
+    "many new Episodes": ("", "_core.Episodes(scene(), {}, 100000, 2, 0)"),
     "a list without end": ("", "_core.check('arm', {'lengths': [[0.0] * 10**6] * 10**4})"),
 }
 
