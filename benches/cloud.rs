@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use vff_core::scenario::Scenario;
+use vff_core::world::CollisionQuery;
 use vff_core::world::space::{MAX_POINTS, Obstacle, Points, Shape, World};
-use vff_core::world::{CollisionQuery, Motion};
 
 /// What a depth camera might see: points of a table and of three walls, none of them near the arm, and `near` beside its
 /// elbow.
@@ -33,16 +33,7 @@ fn points(near: usize) -> Vec<[f64; 3]> {
 }
 
 fn obstacle(points: Vec<[f64; 3]>) -> Obstacle {
-    Obstacle {
-        shape: Shape::Points { points, radius: 0.01 },
-        position: [0.0; 3],
-        orientation: [1.0, 0.0, 0.0, 0.0],
-        angular_velocity: [0.0; 3],
-        motion: Motion::default(),
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }
+    Obstacle::of(Shape::Points { points, radius: 0.01 })
 }
 
 /// Balls that swing, five of them where those points are.

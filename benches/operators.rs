@@ -15,7 +15,6 @@ use vff_core::math::{Capsule, Vector};
 use vff_core::robot::planar::Link;
 use vff_core::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
 use vff_core::trajectory::Sample;
-use vff_core::world::Motion;
 use vff_core::world::plane::{Obstacle, Shape, World};
 
 /// Numbers in (−1, 1), the same in every run.
@@ -186,16 +185,7 @@ fn proximity(c: &mut Criterion) {
         .collect();
     let mut group = c.benchmark_group("proximity");
     for (name, shape) in shapes {
-        let world = World::new(vec![Obstacle {
-            shape,
-            position: [0.0, 0.0],
-            angle: 0.3,
-            angular_velocity: 0.0,
-            motion: Motion::default(),
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
-        }]);
+        let world = World::new(vec![Obstacle { angle: 0.3, ..Obstacle::of(shape) }]);
         let mut next = links.iter().cycle();
         group.bench_function(name, |b| {
             b.iter(|| next.next().map(|link| world.contact(0, black_box(link), 0)));

@@ -1,5 +1,8 @@
 //! The C functions do what the core does, whatever the order in which they are called.
 
+mod limits;
+
+use limits::set_point_limits;
 use proptest::prelude::*;
 use std::ffi::{CStr, CString};
 use std::mem::MaybeUninit;
@@ -364,13 +367,7 @@ fn loops_are_those_of_the_core() {
     let (mut tau, mut phase) = ([0.5; 7], vff_phase::Lost);
     let x = [0.4, 0.1, 0.5];
     let target = Target { x: &x, dx: &[0.0; 3], ddx: &[0.0; 3] };
-    let [acceleration, jerk] = [[7.5; 7], [4000.0; 7]];
-    let limits = vff_set_point_limits {
-        speed: null(),
-        acceleration: acceleration.as_ptr(),
-        jerk: jerk.as_ptr(),
-        threshold: 0.1,
-    };
+    let limits = set_point_limits();
     // SAFETY: below, arrays have the lengths that are given.
     unsafe {
         let c = owned.0;
@@ -499,13 +496,7 @@ fn a_scenario_is_followed() {
     assert_eq!(unsafe { vff_controller_follow_scenario(owned.0) }, Status::Ok);
     assert_ne!(elsewhere, torque());
     // Set points begin where it does, or where others know the way, and not beyond the stops.
-    let [acceleration, jerk] = [[7.5; 7], [4000.0; 7]];
-    let limits = vff_set_point_limits {
-        speed: null(),
-        acceleration: acceleration.as_ptr(),
-        jerk: jerk.as_ptr(),
-        threshold: 0.1,
-    };
+    let limits = set_point_limits();
     let begin = |q: &[f64; 7]| {
         // SAFETY: arrays have the lengths that are given.
         unsafe { vff_controller_begin_set_points(owned.0, 0.001, &raw const limits, q.as_ptr(), 7) }

@@ -1,6 +1,9 @@
 //! What is for the loop neither allocates nor frees: a counting allocator watches the thread of the loop, while another one
 //! sends clouds.
 
+mod limits;
+
+use limits::set_point_limits;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::ffi::{CStr, CString};
@@ -99,13 +102,7 @@ fn no_cycle_touches_the_heap() {
         let (controller, cloud) = panda(&settings);
         let (over, sent) = (AtomicBool::new(false), AtomicUsize::new(0));
         let (shared, mut pushed) = (cloud as usize, 0.0);
-        let [acceleration, jerk] = [[7.5; 7], [4000.0; 7]];
-        let limits = vff_set_point_limits {
-            speed: null(),
-            acceleration: acceleration.as_ptr(),
-            jerk: jerk.as_ptr(),
-            threshold: 0.1,
-        };
+        let limits = set_point_limits();
         // SAFETY: arrays have the lengths that are given.
         unsafe {
             assert_eq!(vff_controller_begin(controller, 0.001, null(), 0), Status::Ok);

@@ -21,7 +21,7 @@
 //!
 //! let shape = Shape::Circle { radius: 0.1 };
 //! let motion = Motion::Linear { velocity: [-0.2, 0.0] };
-//! let mut world = World::new(vec![Obstacle { shape, position: [0.9, 0.6], angle: 0.0, angular_velocity: 0.0, motion, ignore: vec![], margin: None, margins: [].into() }]);
+//! let mut world = World::new(vec![Obstacle { position: [0.9, 0.6], motion, ..Obstacle::of(shape) }]);
 //!
 //! // Once in every control period, with the time, the state (q, q̇) and the reference:
 //! world.update(0.001);

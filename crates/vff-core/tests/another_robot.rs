@@ -622,16 +622,7 @@ fn start() -> ChainState {
 }
 
 fn disc(radius: f64, position: V, motion: Motion<2>) -> Obstacle {
-    Obstacle {
-        shape: Shape::Circle { radius },
-        position: position.into(),
-        angle: 0.0,
-        angular_velocity: 0.0,
-        motion,
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }
+    Obstacle { position: position.into(), motion, ..Obstacle::of(Shape::Circle { radius }) }
 }
 
 fn linear(velocity: [f64; 2]) -> Motion<2> {

@@ -58,14 +58,8 @@ proptest! {
         let given: Vec<[f64; 3]> = near.iter().map(|p| (*p).into()).chain(far).collect();
         let rates: Vec<[f64; 3]> = own.iter().map(|v| (*v).into()).cycle().take(given.len()).collect();
         let mut world = World::new(vec![Obstacle {
-            shape: Shape::Points { points: vec![], radius: 0.01 },
-            position: [0.0; 3],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity: moving.into() },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Points { points: vec![], radius: 0.01 })
         }]);
         world.swap_points(0, &mut Points::moving(given, &rates, None, [1.0, 0.0, 0.0, 0.0]));
         let of_point = |_: usize, point: &Vector<3>| {

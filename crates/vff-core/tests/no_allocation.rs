@@ -266,18 +266,14 @@ fn no_step_allocates_in_a_crowd() {
             let (x, y) = (f64::from(j % 40), f64::from(j / 40));
             let velocity = [0.4 * (y - 12.0), 0.3 * (20.0 - x)];
             scenario.scene.plane_mut().unwrap().obstacles.push(Obstacle {
-                shape: if j % 3 == 0 {
+                position: [0.5 * (x - 20.0), 0.5 * (y - 12.0)],
+                angular_velocity: if j % 5 == 0 { 2.0 } else { 0.0 },
+                motion: if j % 2 == 0 { Motion::Linear { velocity } } else { Motion::default() },
+                ..Obstacle::of(if j % 3 == 0 {
                     Shape::Box { size: [0.03, 0.02] }
                 } else {
                     Shape::Circle { radius: 0.02 }
-                },
-                position: [0.5 * (x - 20.0), 0.5 * (y - 12.0)],
-                angle: 0.0,
-                angular_velocity: if j % 5 == 0 { 2.0 } else { 0.0 },
-                motion: if j % 2 == 0 { Motion::Linear { velocity } } else { Motion::default() },
-                ignore: vec![],
-                margin: None,
-                margins: [].into(),
+                })
             });
         }
         let mut run = scenario.prepare().unwrap().run;
@@ -601,21 +597,12 @@ fn no_operator_of_a_spatial_arm_allocates() {
 #[test]
 fn no_exchange_of_points_allocates() {
     let upright = [1.0, 0.0, 0.0, 0.0];
-    let stands = |shape| space::Obstacle {
-        shape,
-        position: [0.0; 3],
-        orientation: upright,
-        angular_velocity: [0.0; 3],
-        motion: Motion::Static {},
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    };
     let points = |count| (0..count).map(|i| [f64::from(i), 0.0, 0.0]).collect::<Vec<_>>();
     for first in [0, 1, 2] {
         let cloud = space::Shape::Points { points: points(first), radius: 0.01 };
         let sphere = space::Shape::Sphere { radius: 0.1 };
-        let mut world = space::World::new(vec![stands(cloud), stands(sphere)]);
+        let mut world =
+            space::World::new(vec![space::Obstacle::of(cloud), space::Obstacle::of(sphere)]);
         let sent = [(1, 0.5), (3, 0.0), (1, 0.0), (4, 0.5), (0, 0.0), (1, 0.5), (5, 0.5)];
         let mut made = sent.map(|(count, speed)| {
             let given = points(count);

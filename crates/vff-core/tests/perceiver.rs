@@ -110,16 +110,7 @@ fn panda() -> Arc<SpatialArm> {
 }
 
 fn table() -> Vec<Obstacle> {
-    vec![Obstacle {
-        shape: Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
-        position: [0.0; 3],
-        orientation: [1.0, 0.0, 0.0, 0.0],
-        angular_velocity: [0.0; 3],
-        motion: Motion::default(),
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }]
+    vec![Obstacle::of(Shape::HalfSpace { normal: [0.0, 0.0, 1.0] })]
 }
 
 /// Folded to the other side of the base.

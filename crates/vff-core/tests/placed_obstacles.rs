@@ -7,11 +7,6 @@ use vff_core::world::{CollisionQuery, Motion};
 
 fn obstacle(j: usize) -> Obstacle {
     Obstacle {
-        shape: if j.is_multiple_of(2) {
-            Shape::Circle { radius: 0.2 }
-        } else {
-            Shape::Box { size: [0.3, 0.1] }
-        },
         position: [j as f64 % 5.0, j as f64 / 5.0],
         angle: 0.3,
         angular_velocity: if j.is_multiple_of(3) { 0.7 } else { 0.0 },
@@ -25,9 +20,11 @@ fn obstacle(j: usize) -> Obstacle {
             },
             _ => Motion::default(),
         },
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
+        ..Obstacle::of(if j.is_multiple_of(2) {
+            Shape::Circle { radius: 0.2 }
+        } else {
+            Shape::Box { size: [0.3, 0.1] }
+        })
     }
 }
 

@@ -139,23 +139,14 @@ mod tests {
     use crate::field::{Field, FieldKind};
     use crate::geometry::Body;
     use crate::math::{Capsule, Noise};
+    use crate::world::CollisionQuery;
     use crate::world::space::{Obstacle, Shape, World};
-    use crate::world::{CollisionQuery, Motion};
 
     const FIELD: Field =
         Field { kind: FieldKind::Bounded, gain: 40.0, influence: 0.2, ..Field::OFF };
 
     fn cloud(points: Vec<[f64; 3]>) -> World {
-        World::new(vec![Obstacle {
-            shape: Shape::Points { points, radius: 0.01 },
-            position: [0.0; 3],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity: [0.0; 3],
-            motion: Motion::Static {},
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
-        }])
+        World::new(vec![Obstacle::of(Shape::Points { points, radius: 0.01 })])
     }
 
     /// The push on a link along z that was moved by so much, and turned by so much about x.

@@ -22,7 +22,6 @@ use std::ops::Range;
 /// use vff_core::field::{Field, FieldKind};
 /// use vff_core::math::Vector;
 /// use vff_core::robot::{Model, PlanarArm, planar::Link, planar::PlanarWrench};
-/// use vff_core::world::Motion;
 /// use vff_core::world::plane::{Obstacle, Shape, World};
 ///
 /// let field = Field { kind: FieldKind::Bounded, gain: 10.0, influence: 0.5, ..Field::OFF };
@@ -30,14 +29,8 @@ use std::ops::Range;
 /// let gains = Gains::new(&Settings { field, ..Settings::default() });
 /// let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
 /// let disc = Obstacle {
-///     shape: Shape::Circle { radius: 0.1 },
 ///     position: [0.75, 0.3],
-///     angle: 0.0,
-///     angular_velocity: 0.0,
-///     motion: Motion::Static {},
-///     ignore: vec![],
-///     margin: None,
-///     margins: [].into(),
+///     ..Obstacle::of(Shape::Circle { radius: 0.1 })
 /// };
 /// controller.observe(&[0.0; 3], &[0.0; 3], &mut World::new(vec![disc]));
 /// let forces: &VirtualForces<PlanarWrench, 2> = controller.forces();

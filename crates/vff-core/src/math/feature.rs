@@ -8,19 +8,13 @@ use super::Vector;
 /// # Example
 /// ```
 /// use vff_core::math::{Capsule, Feature, Vector};
-/// use vff_core::world::{CollisionQuery, Motion, Pair};
+/// use vff_core::world::{CollisionQuery, Pair};
 /// use vff_core::geometry::Body;
 /// use vff_core::world::plane::{Obstacle, Shape, World};
 ///
 /// let disc = Obstacle {
-///     shape: Shape::Circle { radius: 0.1 },
 ///     position: [0.5, 0.4],
-///     angle: 0.0,
-///     angular_velocity: 0.0,
-///     motion: Motion::Static {},
-///     ignore: vec![],
-///     margin: None,
-///     margins: [].into(),
+///     ..Obstacle::of(Shape::Circle { radius: 0.1 })
 /// };
 /// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.05);
 /// let contact = World::new(vec![disc]).contact(0, &Body::new(0, link), 0);

@@ -41,14 +41,3 @@ pub fn known_links<const D: usize>(
     let (given, allowed) = (given.clone(), allowed().map(String::from).collect());
     Err(ScenarioError::new(path, Problem::UnknownChoice { given, allowed }))
 }
-
-/// The key that says something of links, if one does: which whoever sees points alone cannot know.
-pub fn key_of_links<const D: usize>(obstacle: &impl Description<D>) -> Option<&'static str> {
-    if !obstacle.ignored().is_empty() {
-        Some("ignore")
-    } else if !obstacle.margins().is_empty() {
-        Some("margins")
-    } else {
-        obstacle.margin().map(|_| "margin")
-    }
-}

@@ -27,7 +27,7 @@ pub use any_scene::AnyScene;
 pub(crate) use dispatch::dispatch;
 pub use error::{Problem, ScenarioError};
 pub use json_schema::json_schema;
-pub(crate) use links_of_obstacles::{key_of_links, known_links};
+pub(crate) use links_of_obstacles::known_links;
 pub(crate) use numbers::length as numbers_of;
 pub(crate) use numbers::{each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
@@ -548,7 +548,8 @@ impl Scenario {
         &self,
         obstacle: &impl Description<D>,
     ) -> Result<(), ScenarioError> {
-        let Some(key) = key_of_links(obstacle).filter(|_| !self.knows_obstacles()) else {
+        // Whoever sees points alone cannot know whose they are.
+        let Some(key) = obstacle.key_of_links().filter(|_| !self.knows_obstacles()) else {
             return Ok(());
         };
         let problem = "needs obstacles that are known, without `perception`: points do not say whose they are";

@@ -372,16 +372,7 @@ pub(super) mod tests {
                 {
                     *angles = vec![angle, angle - other, other, angle];
                 }
-                Obstacle {
-                    shape,
-                    position,
-                    angle,
-                    angular_velocity,
-                    motion,
-                    ignore: vec![],
-                    margin: None,
-                    margins: [].into(),
-                }
+                Obstacle { position, angle, angular_velocity, motion, ..Obstacle::of(shape) }
             },
         )
     }
@@ -437,16 +428,7 @@ pub(super) mod tests {
                     },
                 };
                 let shape = Shape::Circle { radius: 0.1 };
-                Obstacle {
-                    shape,
-                    position: [x - 10.0, y - 10.0],
-                    angle: 0.0,
-                    angular_velocity: 0.0,
-                    motion,
-                    ignore: vec![],
-                    margin: None,
-                    margins: [].into(),
-                }
+                Obstacle { position: [x - 10.0, y - 10.0], motion, ..Obstacle::of(shape) }
             })
             .collect();
         let links = |t: f64| {
@@ -461,14 +443,9 @@ pub(super) mod tests {
     #[test]
     fn links_that_are_nowhere_are_answered_as_ever() {
         let disc = |x| Obstacle {
-            shape: Shape::Circle { radius: 0.1 },
             position: [x, 0.0],
-            angle: 0.0,
-            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [1.0, 0.0] },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Circle { radius: 0.1 })
         };
         let obstacles: Vec<_> = (0..50).map(|j| disc(f64::from(j))).collect();
         for value in [f64::NAN, f64::INFINITY, 1e200, f64::MAX] {

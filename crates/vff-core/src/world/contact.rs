@@ -16,14 +16,9 @@ use crate::math::{Feature, Vector};
 /// use vff_core::world::{Contact, Motion};
 ///
 /// let ball = Obstacle {
-///     shape: Shape::Sphere { radius: 0.1 },
 ///     position: [0.0, 0.5, 0.2],
-///     orientation: [1.0, 0.0, 0.0, 0.0],
-///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Linear { velocity: [0.0, -0.3, 0.0] },
-///     ignore: vec![],
-///     margin: None,
-///     margins: [].into(),
+///     ..Obstacle::of(Shape::Sphere { radius: 0.1 })
 /// };
 /// let link = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.4), 0.05);
 /// let Contact { distance, normal, velocity, .. } = World::new(vec![ball]).contact(0, &Body::new(0, link), 0);

@@ -39,6 +39,12 @@ impl PairMargin {
         if self.is_own() { self.0 } else { usual }
     }
 
+    /// How much farther than others pairs are looked for where the largest margin of their own is `most`, and others keep `usual`
+    /// \[m\].
+    pub fn farther(most: f64, usual: f64) -> f64 {
+        (most - usual).max(0.0)
+    }
+
     /// How many times what others keep, who usually keep `usual` \[m\].
     #[inline]
     pub fn share(self, usual: f64) -> f64 {

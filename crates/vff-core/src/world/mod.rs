@@ -58,14 +58,9 @@ pub(crate) use crate::math::RELIEF;
 /// use vff_core::world::space::{Obstacle, Shape, World};
 ///
 /// let ball = Obstacle {
-///     shape: Shape::Sphere { radius: 0.1 },
 ///     position: [0.0, 1.0, 0.0],
-///     orientation: [1.0, 0.0, 0.0, 0.0],
-///     angular_velocity: [0.0; 3],
 ///     motion: Motion::Linear { velocity: [0.0, -0.5, 0.0] },
-///     ignore: vec![],
-///     margin: None,
-///     margins: [].into(),
+///     ..Obstacle::of(Shape::Sphere { radius: 0.1 })
 /// };
 /// let mut world = World::new(vec![ball]);
 /// world.update(1.0);

@@ -38,9 +38,15 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
     fn margin(&self) -> Option<f64>;
     /// What links keep from it \[m\], by name, and [`LOAD`](super::LOAD), where that is another.
     fn margins(&self) -> &BTreeMap<String, f64>;
-    /// Whether some links may touch it, or keep other margins from it than the usual one.
-    fn says_something_of_links(&self) -> bool {
-        !(self.ignored().is_empty() && self.margins().is_empty() && self.margin().is_none())
+    /// The key that says something of links, if one does: which may touch it, or what they keep from it.
+    fn key_of_links(&self) -> Option<&'static str> {
+        if !self.ignored().is_empty() {
+            Some("ignore")
+        } else if !self.margins().is_empty() {
+            Some("margins")
+        } else {
+            self.margin().map(|_| "margin")
+        }
     }
     /// What the link of this name, or [`LOAD`](super::LOAD), keeps from it.
     fn margin_of(&self, link: &str) -> PairMargin {

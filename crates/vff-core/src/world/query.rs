@@ -20,17 +20,11 @@ const ROUNDING: f64 = 1e-9;
 /// use vff_core::geometry::Body;
 /// use vff_core::math::{Capsule, Vector};
 /// use vff_core::world::plane::{Obstacle, Shape, World};
-/// use vff_core::world::{CollisionQuery, Motion};
+/// use vff_core::world::CollisionQuery;
 ///
 /// let disc = |x: f64| Obstacle {
-///     shape: Shape::Circle { radius: 0.1 },
 ///     position: [x, 0.5],
-///     angle: 0.0,
-///     angular_velocity: 0.0,
-///     motion: Motion::Static {},
-///     ignore: vec![],
-///     margin: None,
-///     margins: [].into(),
+///     ..Obstacle::of(Shape::Circle { radius: 0.1 })
 /// };
 /// let mut world = World::new(vec![disc(0.2), disc(3.0)]);
 /// assert_eq!(world.obstacle_count(), 2);

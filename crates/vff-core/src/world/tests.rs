@@ -5,16 +5,7 @@ use crate::math::{Capsule, Vector};
 use std::cell::RefCell;
 
 fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
-    Obstacle {
-        shape: Shape::Circle { radius: 0.5 },
-        position,
-        angle: 0.0,
-        angular_velocity: 0.0,
-        motion,
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }
+    Obstacle { position, motion, ..Obstacle::of(Shape::Circle { radius: 0.5 }) }
 }
 
 #[test]

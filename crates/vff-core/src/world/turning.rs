@@ -350,14 +350,10 @@ mod tests {
         };
         for velocity in [[0.0; 3], [0.1, 0.0, 0.0]] {
             let plate = |position, orientation: UnitQuaternion, motion| space::Obstacle {
-                shape: space::Shape::Box { size: [0.4, 0.2, 0.1] },
                 position,
                 orientation: orientation.to_array(),
-                angular_velocity: [0.0; 3],
                 motion,
-                ignore: vec![],
-                margin: None,
-                margins: [].into(),
+                ..space::Obstacle::of(space::Shape::Box { size: [0.4, 0.2, 0.1] })
             };
             let motion = Motion::Linear { velocity };
             let mut world =
@@ -505,14 +501,9 @@ mod tests {
     #[test]
     fn what_is_carried_turns_on() {
         let bar = |angular_velocity, position| plane::Obstacle {
-            shape: plane::Shape::Box { size: [2.0, 0.1] },
             position,
-            angle: 0.0,
             angular_velocity,
-            motion: Motion::default(),
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..plane::Obstacle::of(plane::Shape::Box { size: [2.0, 0.1] })
         };
         let mut world = plane::World::new(vec![bar(0.0, [9.0, 0.0]), bar(1.0, [0.0, 0.0])]);
         let probe = |x: f64, y: f64| {

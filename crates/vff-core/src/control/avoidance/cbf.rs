@@ -11,7 +11,7 @@ use crate::geometry::Body;
 use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::{JointSpline, Pace};
-use crate::world::{CollisionQuery, Contact};
+use crate::world::{CollisionQuery, Contact, PairMargin};
 use std::cell::Cell;
 
 /// The pairs near the arm, and the program.
@@ -107,7 +107,8 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
             self.measure_bodies(robot);
         }
         let Self { activation, pairs, barrier, .. } = self;
-        let reach = *activation + barrier.margins.farther(surroundings.most_margin());
+        let reach =
+            *activation + PairMargin::farther(surroundings.most_margin(), barrier.margins.usual());
         let velocity = |link: usize, point: &Vector<D>| robot.point_velocity(link, point);
         let coarsened = Cell::new(0);
         let outlook = barrier.outlook(&velocity, &coarsened);

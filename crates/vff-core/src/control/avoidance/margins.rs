@@ -59,11 +59,6 @@ impl Margins {
         self.usual
     }
 
-    /// How much farther than others pairs are looked for where some have a margin of their own, the largest of which is `most` \[m\].
-    pub fn farther(&self, most: f64) -> f64 {
-        (most - self.usual).max(0.0)
-    }
-
     /// What links keep from obstacles at most \[m\], reckoned on as barriers of this `rate` \[1/s\] do.
     pub fn most(&self, rate: f64) -> f64 {
         let ahead = |[margin, speed, _]: &[f64; 3]| margin + 2.0 * speed / rate;

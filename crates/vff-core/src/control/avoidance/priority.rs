@@ -12,7 +12,7 @@ use crate::interrupt;
 use crate::math::{Vector, dot, smoothstep};
 use crate::robot::Robot;
 use crate::trajectory::{JointSpline, Pace};
-use crate::world::{CollisionQuery, Contact};
+use crate::world::{CollisionQuery, Contact, PairMargin};
 
 /// k where it is not given \[1/s\]: the torque changes with k², and no QP limits it.
 pub const RATE: f64 = 20.0;
@@ -68,7 +68,8 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
     ) {
         Way::<D, M>::reserve(self, robot.body_count() * surroundings.contact_count());
         let Self { settings, margins, pairs, .. } = self;
-        let reach = settings.outer + margins.farther(surroundings.most_margin());
+        let reach =
+            settings.outer + PairMargin::farther(surroundings.most_margin(), margins.usual());
         let visit = |pair: &Contact<D>| {
             if !is_pressed(robot, pressed, pair) {
                 pairs.push(*pair);

@@ -35,14 +35,9 @@ where
     let middle = c.state().link(c.q.len() / 2);
     let near = middle.start + middle.direction * (0.3 * middle.length);
     let disc = |x: f64, y: f64, velocity| Obstacle {
-        shape: Shape::Circle { radius: 0.2 },
         position: [near.x + x, near.y + y],
-        angle: 0.0,
-        angular_velocity: 0.0,
         motion: Motion::Linear { velocity },
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
+        ..Obstacle::of(Shape::Circle { radius: 0.2 })
     };
     let mut world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);
     controller.observe(&c.q, &c.dq, &mut world);

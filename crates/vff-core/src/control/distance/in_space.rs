@@ -85,14 +85,11 @@ fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Movi
         _ => None,
     };
     let mut world = World::new(vec![Obstacle {
-        shape,
         position,
         orientation,
         angular_velocity,
         motion,
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
+        ..Obstacle::of(shape)
     }]);
     if let Some(points) = seen {
         let velocities: Vec<_> = own.iter().copied().cycle().take(points.len()).collect();
@@ -341,16 +338,7 @@ fn barriers_have_no_peak_at_parallel_axes() {
     let description = ArmDescription { joints, collision: bodies, ..ArmDescription::default() };
     let arm = Arc::new(description.build().unwrap());
     let bar = Shape::Capsule { a: [-1.0, -0.02, 0.3], b: [1.0, 0.02, 0.3], radius: 0.05 };
-    let mut world = World::new(vec![Obstacle {
-        shape: bar,
-        position: [0.0; 3],
-        orientation: [1.0, 0.0, 0.0, 0.0],
-        angular_velocity: [0.0; 3],
-        motion: Motion::default(),
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }]);
+    let mut world = World::new(vec![Obstacle::of(bar)]);
     let (mut peak, mut most): (f64, f64) = (0.0, 0.0);
     for k in -2000..=2000 {
         let mut state = arm.state();

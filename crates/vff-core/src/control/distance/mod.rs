@@ -257,16 +257,7 @@ pub(super) mod tests {
             |((kind, shape), position, angle, motion, angular_velocity)| {
                 (
                     kind,
-                    Obstacle {
-                        shape,
-                        position,
-                        angle,
-                        angular_velocity,
-                        motion,
-                        ignore: vec![],
-                        margin: None,
-                        margins: [].into(),
-                    },
+                    Obstacle { position, angle, angular_velocity, motion, ..Obstacle::of(shape) },
                 )
             },
         )
@@ -367,14 +358,9 @@ pub(super) mod tests {
     fn a_barrier_without_the_sliding_term_is_overrun() {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(2.0, 1.0)], Vector::<2>::zeros()));
         let disc = Obstacle {
-            shape: Shape::Circle { radius: 0.1 },
             position: [0.0, 0.5],
-            angle: 0.0,
-            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.6, 0.0] },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Circle { radius: 0.1 })
         };
         let (k, margin, dt) = (20.0, 0.03, 1e-4);
         let least = |sliding_term: bool| {
@@ -422,14 +408,9 @@ pub(super) mod tests {
         state.update(&[0.0], &[2.0]);
         let at = |x: f64| {
             let disc = Obstacle {
-                shape: Shape::Circle { radius: 0.1 },
                 position: [x, 0.5],
-                angle: 0.0,
-                angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.3, 0.0] },
-                ignore: vec![],
-                margin: None,
-                margins: [].into(),
+                ..Obstacle::of(Shape::Circle { radius: 0.1 })
             };
             let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
             (DistanceRate::new(&state, &contact), DistanceRate::cautious(&state, &contact))
@@ -455,16 +436,7 @@ pub(super) mod tests {
         let mut state = arm.state();
         let (q, w) = (0.1_f64, 2.0);
         state.update(&[q], &[w]);
-        let disc = Obstacle {
-            shape: Shape::Circle { radius: 0.1 },
-            position: [0.6, 0.5],
-            angle: 0.0,
-            angular_velocity: 0.0,
-            motion: Motion::default(),
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
-        };
+        let disc = Obstacle { position: [0.6, 0.5], ..Obstacle::of(Shape::Circle { radius: 0.1 }) };
         let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
         let d = |q: f64| 0.5 * q.cos() - 0.6 * q.sin() - 0.1;
         assert!((contact.distance - d(q)).abs() < 1e-15);

@@ -312,7 +312,6 @@ mod tests {
     use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
     use crate::robot::spatial::cases::link;
     use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, models, planar::Link};
-    use crate::world::Motion;
     use crate::world::space::{Obstacle, Shape as ObstacleShape, World};
     use proptest::prelude::*;
     use std::cell::RefCell;
@@ -485,16 +484,7 @@ mod tests {
                 ObstacleShape::Capsule { a, b, radius: shape.radius }
             }
         };
-        let obstacle = Obstacle {
-            shape: shape_of(&other, other_hull),
-            position: [0.0; 3],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity: [0.0; 3],
-            motion: Motion::default(),
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
-        };
+        let obstacle = Obstacle::of(shape_of(&other, other_hull));
         World::new(vec![obstacle]).contact(0, &Body { hull, ..Body::new(0, shape) }, 0).distance
     }
 

@@ -221,14 +221,19 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         self.clearance.iter().copied().fold(least, f64::min)
     }
 
-    /// How far each link of the arm at `q` is from everything outside \[m\], a pair with a margin of its own in the share of that.
-    pub fn room(&mut self, q: &[f64]) -> Vec<f64> {
+    /// How far each link of the arm at `q` is from everything outside \[m\], a pair with a margin of its own in the share of that; and how
+    /// far the nearest is.
+    pub fn room(&mut self, q: &[f64]) -> (Vec<f64>, f64) {
         let (mut own, asked) = (vec![], self.asked);
         let mut room = self.usual_room_within(q, f64::INFINITY, |link, margin, distance| {
-            own.push((link, distance / margin.share(asked)));
+            own.push((link, margin.share(asked), distance));
         });
-        own.into_iter().for_each(|(link, of_pair)| room[link] = room[link].min(of_pair));
-        room
+        let mut clearance = room.iter().copied().fold(f64::INFINITY, f64::min);
+        for (link, share, distance) in own {
+            clearance = clearance.min(distance);
+            room[link] = room[link].min(distance / share);
+        }
+        (room, clearance)
     }
 
     /// How far each link of the arm at `q` is from that outside from which it keeps the usual margin \[m\], where that is less than

@@ -242,7 +242,7 @@ where
     /// What can be kept at `q`.
     fn end(&mut self, q: &[f64]) -> End {
         let apart = self.space.own_room(q, APART / SHARE);
-        let (room, clearance) = (self.space.room(q), self.space.clearance(q));
+        let (room, clearance) = self.space.room(q);
         End::new(q, &room, clearance, apart)
     }
 

@@ -87,14 +87,9 @@ fn what_moves_is_foreseen() {
     let reference = closed_loop.reference();
     let plan = reference.joints().unwrap();
     let disc = |position: Vector<2>, velocity: Vector<2>| Obstacle {
-        shape: Shape::Circle { radius: 0.2 },
         position: position.into(),
-        angle: 0.0,
-        angular_velocity: 0.0,
         motion: Motion::Linear { velocity: velocity.into() },
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
+        ..Obstacle::of(Shape::Circle { radius: 0.2 })
     };
     let mut state = closed_loop.arm().state();
     let mut q = [0; 3].map(|_| vec![0.0; 4]);

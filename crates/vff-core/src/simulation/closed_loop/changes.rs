@@ -159,7 +159,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             let arm = &self.arm;
             self.truth.get_or_insert_with(|| Truth::new(arm.state()));
         }
-        if is_unseen || obstacle.says_something_of_links() {
+        if is_unseen || obstacle.key_of_links().is_some() {
             let links = self.arm.link_names();
             for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
                 stack.world.know_links(&links);

@@ -6,8 +6,8 @@ use super::picture::{DepthPicture, Errors, Eye, Hit};
 use crate::math::{Noise, Vector, upright};
 use crate::perception::{Depth, Perceiver, PerceiverSettings, PerceptionError};
 use crate::robot::{Robot, SpatialState};
+use crate::world::Positions;
 use crate::world::space::{Obstacle, Points, Shape, World};
-use crate::world::{Motion, Positions};
 use std::mem::{replace, swap};
 
 /// States that the perceiver can choose from between a picture and its arrival.
@@ -107,14 +107,7 @@ impl DepthCameras {
         let longest = dt * (late + every) as f64 + back;
         let most = settings.points_of(0, 3);
         let cloud = Obstacle {
-            shape: Shape::Points { points: vec![], radius: perceiver.radius() },
-            position: [0.0; 3],
-            orientation: upright(),
-            angular_velocity: [0.0; 3],
-            motion: Motion::Static {},
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Points { points: vec![], radius: perceiver.radius() })
         };
         let mut world = World::new(vec![cloud]);
         world.make_room(0, most);
@@ -268,6 +261,7 @@ mod tests {
     use super::*;
     use crate::robot::models;
     use crate::settings::Table;
+    use crate::world::Motion;
     use std::sync::Arc;
 
     const H: f64 = 1e-3;
@@ -317,14 +311,10 @@ mod tests {
     /// A ball before walls that are outside of the room: where nothing is measured, nothing is seen to be free.
     fn ball(x: f64, speed: f64) -> World {
         let there = |shape, position, velocity| Obstacle {
-            shape,
             position,
             orientation: upright(),
-            angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(shape)
         };
         let wall = |normal, position| there(Shape::HalfSpace { normal }, position, [0.0; 3]);
         World::new(vec![

@@ -347,16 +347,7 @@ mod tests {
         let orientation = [0.8, 0.6, 0.0, 0.0];
         let angular_velocity = [0.0; 3];
         let motion = Motion::Linear { velocity };
-        Obstacle {
-            shape,
-            position,
-            orientation,
-            angular_velocity,
-            motion,
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
-        }
+        Obstacle { position, orientation, angular_velocity, motion, ..Obstacle::of(shape) }
     }
 
     fn camera(position: [f64; 3], orientation: [f64; 4]) -> Camera {

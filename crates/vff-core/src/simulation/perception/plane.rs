@@ -202,14 +202,9 @@ mod tests {
     /// A wall above the x axis, moving up.
     fn wall(speed: f64) -> World {
         World::new(vec![Obstacle {
-            shape: Shape::Box { size: [10.0, 1.0] },
             position: [0.0, 2.5],
-            angle: 0.0,
-            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.0, speed] },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Box { size: [10.0, 1.0] })
         }])
     }
 
@@ -307,16 +302,8 @@ mod tests {
     /// Points on either side give one contact each, with the distance from the surface.
     #[test]
     fn contacts_of_both_sides() {
-        let disc = |y: f64| Obstacle {
-            shape: Shape::Circle { radius: 0.2 },
-            position: [0.5, y],
-            angle: 0.0,
-            angular_velocity: 0.0,
-            motion: Motion::default(),
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
-        };
+        let disc =
+            |y: f64| Obstacle { position: [0.5, y], ..Obstacle::of(Shape::Circle { radius: 0.2 }) };
         let world = World::new(vec![disc(1.0), disc(-0.7)]);
         let odd = PerceptionSettings { sensors: 5, ..settings() };
         let mut perception = started(&odd, &world);

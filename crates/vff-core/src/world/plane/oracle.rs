@@ -6,8 +6,8 @@
 use super::{Obstacle, Shape, World, shape};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector, perp};
+use crate::world::Contact;
 use crate::world::oracle::least;
-use crate::world::{Contact, Motion};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -67,16 +67,7 @@ pub(super) fn translated(link: &Capsule<2>, by: Vector<2>) -> Capsule<2> {
 }
 
 pub(super) fn fixed(shape: Shape, position: [f64; 2], angle: f64) -> Obstacle {
-    Obstacle {
-        shape,
-        position,
-        angle,
-        angular_velocity: 0.0,
-        motion: Motion::default(),
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }
+    Obstacle { position, angle, ..Obstacle::of(shape) }
 }
 
 pub(super) fn contact(link: &Capsule<2>, obstacle: &Obstacle) -> Contact<2> {

@@ -113,14 +113,9 @@ mod tests {
     #[test]
     fn the_first_of_moving_obstacles() {
         let disc = |x: f64, speed: f64| Obstacle {
-            shape: Shape::Circle { radius: 0.5 },
             position: [x, 0.0],
-            angle: 0.0,
-            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [speed, 0.0] },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Circle { radius: 0.5 })
         };
         let mut world = World::new(vec![disc(3.0, 1.0), disc(6.0, -1.0)]);
         let east = Vector::<2>::new(1.0, 0.0);

@@ -36,6 +36,30 @@ pub struct Obstacle {
     pub margins: BTreeMap<String, f64>,
 }
 
+impl Obstacle {
+    /// Of this shape, at rest at the origin, and without a word of links.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::world::space::{Obstacle, Shape};
+    ///
+    /// let ball = Obstacle { position: [0.5, 0.4, 0.3], ..Obstacle::of(Shape::Sphere { radius: 0.1 }) };
+    /// assert!(ball.ignore.is_empty() && ball.margin.is_none());
+    /// ```
+    pub fn of(shape: Shape) -> Self {
+        Self {
+            shape,
+            position: [0.0; 3],
+            orientation: upright(),
+            angular_velocity: [0.0; 3],
+            motion: Motion::default(),
+            ignore: vec![],
+            margin: None,
+            margins: BTreeMap::new(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,8 +7,8 @@ use super::{Obstacle, Shape, World};
 use crate::geometry::Body;
 pub(crate) use crate::geometry::cases::*;
 use crate::math::Capsule;
+use crate::world::Contact;
 use crate::world::oracle::least;
-use crate::world::{Contact, Motion};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
 
@@ -130,18 +130,7 @@ pub(crate) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
 }
 
 pub(crate) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
-    let orientation = [1.0, 0.0, 0.0, 0.0];
-    let angular_velocity = [0.0; 3];
-    Obstacle {
-        shape,
-        position,
-        orientation,
-        angular_velocity,
-        motion: Motion::default(),
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }
+    Obstacle { position, ..Obstacle::of(shape) }
 }
 
 pub(crate) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {

@@ -13,19 +13,12 @@ use std::sync::Arc;
 /// # Example
 /// ```
 /// use vff_core::geometry::Shape;
-/// use vff_core::world::Motion;
 /// use vff_core::world::space::{Obstacle, Points, World};
 ///
 /// let upright = [1.0, 0.0, 0.0, 0.0];
 /// let cloud = Obstacle {
-///     shape: Shape::Points { points: vec![[0.0; 3]], radius: 0.02 },
 ///     position: [0.5, 0.0, 0.0],
-///     orientation: upright,
-///     angular_velocity: [0.0; 3],
-///     motion: Motion::Static {},
-///     ignore: vec![],
-///     margin: None,
-///     margins: [].into(),
+///     ..Obstacle::of(Shape::Points { points: vec![[0.0; 3]], radius: 0.02 })
 /// };
 /// let mut world = World::new(vec![cloud]);
 /// // Made beside the loop, swapped in within it.
@@ -60,19 +53,11 @@ impl Points {
     /// ```
     /// use vff_core::geometry::{Body, Shape};
     /// use vff_core::math::{Capsule, Vector};
-    /// use vff_core::world::Motion;
     /// use vff_core::world::space::{Obstacle, Points, World};
     ///
     /// let upright = [1.0, 0.0, 0.0, 0.0];
     /// let cloud = Obstacle {
-    ///     shape: Shape::Points { points: vec![], radius: 0.1 },
-    ///     position: [0.0; 3],
-    ///     orientation: upright,
-    ///     angular_velocity: [0.0; 3],
-    ///     motion: Motion::Static {},
-    ///     ignore: vec![],
-    ///     margin: None,
-    ///     margins: [].into(),
+    ///     ..Obstacle::of(Shape::Points { points: vec![], radius: 0.1 })
     /// };
     /// let mut world = World::new(vec![cloud]);
     /// // Seen 0.5 s ago, and on its way to the link.

@@ -286,14 +286,9 @@ mod tests {
         for _ in 0..60 {
             let q = [0.4, 0.8, -1.0, 0.7].map(|q| q + 0.2 * noise.draw());
             let mut disc = |side: f64| Obstacle {
-                shape: Shape::Circle { radius: 0.2 },
                 position: [1.3 + 0.1 * noise.draw(), 0.7 + side * (0.6 + 0.1 * noise.draw())],
-                angle: 0.0,
-                angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
-                ignore: vec![],
-                margin: None,
-                margins: [].into(),
+                ..Obstacle::of(Shape::Circle { radius: 0.2 })
             };
             let (least, hit, hit_at_once) = both(&q, vec![disc(1.0), disc(-1.0)], rate);
             if least < 0.0 {

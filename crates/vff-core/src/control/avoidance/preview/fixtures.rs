@@ -20,16 +20,7 @@ pub fn robot() -> PlanarState {
 
 pub fn disc(position: [f64; 2], velocity: [f64; 2]) -> Obstacle {
     let shape = Shape::Circle { radius: 0.2 };
-    Obstacle {
-        shape,
-        position,
-        angle: 0.0,
-        angular_velocity: 0.0,
-        motion: Motion::Linear { velocity },
-        ignore: vec![],
-        margin: None,
-        margins: [].into(),
-    }
+    Obstacle { position, motion: Motion::Linear { velocity }, ..Obstacle::of(shape) }
 }
 
 pub fn holding(robot: &PlanarState) -> Sample<Vector<2>, 2> {

@@ -11,6 +11,7 @@ use crate::interrupt;
 use crate::math::{Pose, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
+use crate::world::PairMargin;
 use nalgebra::{SMatrix, SVector};
 
 /// Obstacles farther away than this \[m\] are left out of a planning cycle.
@@ -148,7 +149,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.reserve(surroundings.count(), surroundings.most_contacts());
         let Self { obstacles, bodies, near, margin, w, v, inverse_inertia, .. } = self;
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
-        *near = NEAR + (surroundings.largest_margin() - *margin).max(0.0);
+        *near = NEAR + PairMargin::farther(surroundings.largest_margin(), *margin);
         surroundings.obstacles_near(bodies, REACH, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
@@ -477,14 +478,9 @@ mod tests {
         let mut robot = Arc::new(description.build().unwrap()).state();
         robot.update(&[0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], &[0.0; 7]);
         let ball = |position: [f64; 3], velocity: [f64; 3]| space::Obstacle {
-            shape: space::Shape::Sphere { radius: 0.05 },
             position,
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..space::Obstacle::of(space::Shape::Sphere { radius: 0.05 })
         };
         let mut world = space::World::new(vec![
             ball([-0.05, -0.5, 0.6], [0.0, 0.6, 0.0]),

@@ -505,14 +505,9 @@ mod tests {
         assert!(counts[0] > 5 && counts[1] > 5, "{counts:?}");
         let mut scout = robot.clone();
         let ball = |motion| Obstacle {
-            shape: Shape::Sphere { radius: 0.1 },
             position: [0.1, -0.6, 0.6],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity: [0.0; 3],
             motion,
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Sphere { radius: 0.1 })
         };
         let moving = ball(Motion::Linear { velocity: [0.0, 0.3, 0.0] });
         let mut world = World::new(vec![moving, ball(Motion::default())]);

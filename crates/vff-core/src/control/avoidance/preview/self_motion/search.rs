@@ -418,14 +418,9 @@ mod tests {
 
     fn ball(position: [f64; 3], velocity: [f64; 3]) -> Obstacle {
         Obstacle {
-            shape: Shape::Sphere { radius: 0.08 },
             position,
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            angular_velocity: [0.0; 3],
             motion: Motion::Linear { velocity },
-            ignore: vec![],
-            margin: None,
-            margins: [].into(),
+            ..Obstacle::of(Shape::Sphere { radius: 0.08 })
         }
     }
 
