@@ -183,18 +183,19 @@ def test_a_goal_that_has_it_is_no_exception() -> None:
 
 @pytest.mark.parametrize("margin", [0.0, 0.005, 0.04])
 def test_what_a_plan_says_is_kept(margin: float) -> None:
-    """Of the margins of the law: whatever was asked of the planner."""
+    """Whatever was asked of the planner: metres, and of a margin of its own a share."""
     obstacles = [beside(AWAY, 0.004).with_margin(0.1, {"link_4": 0.005}), POST.with_margin(0.15)]
     scene = among(*obstacles)
     plan = vff.plan(scene, AWAY, margin=margin)
     assert plan.status == "found", plan.message
     times = np.arange(0.0, plan.duration, 5e-4)
     piece = np.searchsorted(plan.t, times, side="right") - 1
-    said = np.minimum(plan.margins[piece], plan.margins[piece + 1])
+    said = np.minimum(plan.shares[piece], plan.shares[piece + 1])
     own = np.array([[0.1, 0.15]] * 3 + [[0.005, 0.15]])
-    kept = np.minimum(said, 0.02)[..., None] * own / 0.02
+    kept = said[..., None] * own
     found = apart(plan, scene)
-    assert (found >= kept).all()
+    assert (found >= kept).all() and said.max() <= 1.0
+    assert plan.margins.min() > 0.15, "from what has none of its own, and is nowhere"
     assert kept[-1, 3, 0] > 0.0 and kept[..., 1].max() > 0.07, "and it says something"
 
 
@@ -209,6 +210,53 @@ def test_a_plan_is_followed_to_where_it_leads(avoidance: str, gap: float) -> Non
     followed = vff.simulate(scene.replace(**changes))
     assert abs(followed.error[-1]).max() < 1e-3 and followed.metrics.min_clearance > 0.5 * gap
     assert followed.replans == ()
+
+
+@pytest.mark.parametrize("planned", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("kept", [0.005, 0.1])
+@pytest.mark.parametrize("pose", [False, True], ids=["configuration", "position"])
+def test_a_plan_is_followed_by_whatever_law(planned: float, kept: float, pose: bool) -> None:
+    """What comes is kept off by all of its margin, whatever the usual one was when the plan was made, and
+    whatever the goal was given as."""
+    scene = among(POST.with_margin(0.1)).replace(**{"controller.yielding.margin": planned})
+    to = scene.arm.forward_kinematics(AWAY)[-1] if pose else AWAY
+    plan = vff.plan(scene, to)
+    # Along the last link from its side, to where it would be 3 cm from it.
+    ends = scene.arm.forward_kinematics(plan.q[-1])
+    along = (ends[-1] - ends[-2]) / np.linalg.norm(ends[-1] - ends[-2])
+    middle, aside = 0.5 * (ends[-1] + ends[-2]), np.array([along[1], -along[0]])
+    times = [plan.duration, plan.duration + 2.0]
+    way = [(middle + aside * far).tolist() for far in (1.2, 0.28)]
+    moving = {"kind": "waypoints", "times": times, "points": way, "interpolation": "smooth"}
+    comes = vff.Obstacle.circle(way[0], 0.2).with_margin(0.1).to_dict() | {"motion": moving}
+    changes: dict[str, Any] = {"reference": plan.reference, "duration": round(plan.duration + 3.0, 3)}
+    changes |= {"controller.avoidance": "cbf", "controller.posture_stiffness": 200.0}
+    changes |= {"controller.yielding.margin": kept}
+    done = vff.simulate(scene.replace(obstacles=[*scene["obstacles"], comes], **changes))
+    assert 0.098 < done.metrics.min_clearance < 0.102
+
+
+@pytest.mark.parametrize("kept", [0.005, 0.02, 0.05])
+@pytest.mark.parametrize(("gap", "is_blocked"), [(0.03, True), (0.06, False)])
+def test_a_plan_is_blocked_by_less_than_half_of_it(kept: float, gap: float, is_blocked: bool) -> None:
+    """45 % of its own margin of 10 cm, whatever the law keeps from others."""
+    plan = vff.plan(among(), AWAY)
+    near, far = gap, 1.0
+    for _ in range(20):  # from all of the plan, which comes nearer on its way
+        middle = 0.5 * (near + far)
+        is_near = apart(plan, among(beside(AWAY, middle))).min() < gap
+        near, far = (middle, far) if is_near else (near, middle)
+    beside_goal = beside(AWAY, far).to_dict()
+    appears = beside_goal | {
+        "margin": 0.1,
+        "position": [9.0, 9.0],
+        "motion": {"kind": "waypoints", "times": [0.1, 0.2], "points": [[9.0, 9.0], beside_goal["position"]]},
+    }
+    changes: dict[str, Any] = {"reference": plan.reference, "replan": {}, "obstacles": [appears]}
+    changes |= {"controller.yielding.margin": kept, "controller.posture_stiffness": 200.0}
+    changes |= {"duration": 0.6}
+    done = vff.simulate(among().replace(**changes))
+    assert bool(done.replans) == is_blocked, done.replans
 
 
 def test_what_comes_is_kept_away() -> None:

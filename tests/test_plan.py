@@ -461,6 +461,122 @@ def test_a_posture_needs_something_to_pull_to() -> None:
         vff.simulate({**GAP, "controller": stiff})
 
 
+def test_who_is_where_they_should_be_has_nothing_to_go(found: vff.Plan) -> None:
+    """A plan without a way is one to follow, and to watch over."""
+    nowhere = vff.plan(GAP, GAP["q0"])
+    assert nowhere.status == "found" and np.ptp(nowhere.q, axis=0).max() == 0.0
+    done = vff.simulate(following(nowhere, replan={}, duration=0.3))
+    assert done.status == "completed" and done.replans == ()
+    tour = vff.plan(GAP, [found.q[-1], GAP["q0"]])
+    with pytest.raises(ScenarioError, match="without rests on the way"):
+        following(tour, replan={})
+
+
+def test_what_is_still_within_the_horizon_stands_still(found: vff.Plan) -> None:
+    """What flies off later, and what is fast elsewhere, block no more than they meet."""
+    rests = {"shape": {"kind": "circle", "radius": 0.1}, "position": [0.6, -0.7]}
+    later = {"kind": "waypoints", "times": [100.0, 100.1], "points": [rests["position"], [-9.5, -9.5]]}
+    scene = vff.Scenario.from_dict(GAP)
+    walls = scene["obstacles"]
+    still, waits = (
+        vff.plan(scene.replace(obstacles=[*walls, each])) for each in (rests, rests | {"motion": later})
+    )
+    np.testing.assert_array_equal(still.q, waits.q)
+    smooth = later | {"interpolation": "smooth"}
+    assert vff.plan(scene.replace(obstacles=[*walls, rests | {"motion": smooth}])).status == "found"
+    leaves = rests | {"motion": later | {"times": [0.5, 0.6]}}
+    blocked = vff.plan(scene.replace(obstacles=[*walls, leaves]))
+    assert blocked.status == "start blocked" and "obstacle 2 passes within the horizon" in blocked.message
+    slow = rests | {"motion": {"kind": "linear", "velocity": [0.0, -0.02]}}
+    fast = {"shape": {"kind": "circle", "radius": 0.1}, "position": [-50.0, 5.0]}
+    fast |= {"motion": {"kind": "linear", "velocity": [-100.0, 0.0]}}
+    both = vff.plan(scene.replace(obstacles=[*walls, slow, fast]))
+    assert both.status == "found", both.message
+
+
+def test_a_plan_is_one_that_the_law_can_follow() -> None:
+    """It goes no faster than the tip may, and needs no torque sooner than the robot has it; to any goal."""
+    scene = vff.Scenario.from_dict(GAP).replace(**{"controller.avoidance": "cbf"})
+    quick = vff.plan(scene, speed=0.9)
+    slow = {"torque_rate": 800.0, "tip_speed": 1.0, "tip_angular_speed": 2.0}
+
+    def most(plan: vff.Plan, n: int = 4000) -> list[float]:
+        times = np.linspace(0.0, plan.duration, n)
+        q, dq, ddq = plan.at(times)
+        torque = np.array([scene.arm.inverse_dynamics(*each) for each in zip(q, dq, ddq, strict=True)])
+        tip = scene.arm.forward_kinematics(q)[:, -1]
+        apart = times[1]
+        goes = np.linalg.norm(np.diff(tip, axis=0), axis=1) / apart
+        return [
+            float(np.abs(np.diff(torque, axis=0)).max() / apart),
+            float(goes.max()),
+            float(np.abs(dq.sum(axis=1)).max()),
+        ]
+
+    assert most(quick)[0] > 800.0 and most(quick)[1] > 1.0 and most(quick)[2] > 2.0
+    limited = scene.replace(**{f"controller.command.{key}": limit for key, limit in slow.items()})
+    for goal in (None, [2.9, 0.5], {"position": [2.9, 0.5], "orientation": 0.0}, quick.q[-1]):
+        plan = vff.plan(limited, goal, speed=0.9)
+        assert plan.status == "found", plan.message
+        for value, limit in zip(most(plan), slow.values(), strict=True):
+            assert value <= 0.905 * limit
+    changes: dict[str, Any] = {"reference": plan.reference, "duration": round(plan.duration + 1.0, 3)}
+    done = vff.simulate(limited.replace(**changes, **{"controller.posture_stiffness": 200.0}))
+    assert abs(done.error).max() < 0.05 and done.metrics.min_clearance > 0.01
+
+
+def test_what_is_carried_leans_no_more_than_it_may() -> None:
+    """In space and in the plane; on every leg of a tour from how it stood first."""
+    cup = vff.Scenario.load("panda-shelf").replace(**{"controller.task": "position"})
+    home, most = cup["q0"], np.radians(10.0)
+
+    def leans(plan: vff.Plan) -> float:
+        q, _, _ = plan.at(np.linspace(0.0, plan.duration, 2000))
+        turned = np.array([cup.arm.pose(each)[1] for each in [np.array(home), *q]])
+        # The third row of a rotation: where the vertical is in the frame of the hand.
+        w, x, y, z = turned.T
+        row = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+        return float(np.arccos(np.clip(row[1:] @ row[0], -1.0, 1.0)).max())
+
+    tour = vff.plan(cup, [[0.35, -0.35, 0.5], [0.4, 0.3, 0.4], home], tilt=most)
+    assert tour.status == "found", tour.message
+    assert tour.tilt is not None and tour.tilt <= most and leans(tour) <= most
+    assert leans(vff.plan(cup, [0.35, -0.35, 0.5])) > most, "which it would do otherwise"
+    flat = vff.plan("narrow-gap", tilt=0.3)
+    turns = flat.q.sum(axis=1)
+    assert flat.tilt is not None and np.ptp(turns) > 0.1 and abs(turns - turns[0]).max() <= 0.3
+    for bad in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises((InputError, ScenarioError), match="tilt"):
+            vff.plan(GAP, tilt=bad)
+
+
+def test_a_leaning_plan_is_kept_in_files(tmp_path: Path) -> None:
+    for tilt in (None, 0.3):
+        plan = vff.plan("narrow-gap", tilt=tilt)
+        assert vff.Plan.load(plan.save(tmp_path / "plan.npz")).tilt == plan.tilt
+        assert (plan.tilt is None) == (tilt is None)
+
+
+def test_another_plan_leans_no_more() -> None:
+    """What `[replan]` finds keeps to its own tilt, from how the hand stood at `q0`."""
+    gap = vff.Scenario.load("narrow-gap")
+    plan = vff.plan(gap, tilt=0.3)
+    there = gap.arm.forward_kinematics(plan.at(0.6 * plan.duration)[0])[-1].tolist()
+    comes = {"kind": "waypoints", "times": [0.1, 0.2], "points": [[9.0, 9.0], there]}
+    disc = {"shape": {"kind": "circle", "radius": 0.05}, "position": [9.0, 9.0], "motion": comes}
+    law = {"controller.posture_stiffness": 200.0, "controller.avoidance": "cbf", "duration": 6.0}
+    most = {}
+    for tilt in (None, 0.3):
+        settings = {} if tilt is None else {"tilt": tilt}
+        obstacles = [*gap["obstacles"], disc]
+        done = vff.simulate(
+            gap.replace(obstacles=obstacles, reference=plan.reference, replan=settings, **law)
+        )
+        assert [search.status for search in done.replans][:1] == ["found"]
+        most[tilt] = abs(done.q_plan.sum(axis=1) - sum(gap["q0"])).max()
+    assert most[0.3] <= 0.3 and most[None] > 0.5
+
+
 def test_the_command_line(tmp_path: Path) -> None:
     scenario = tmp_path / "gap.toml"
     vff.Scenario.from_dict(GAP).save(scenario)

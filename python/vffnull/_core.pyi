@@ -1940,6 +1940,8 @@ def plan(
     time: float,
     margin: float,
     horizon: float | None,
+    tilt: float | None,
+    upright: Sequence[float] | None,
     speed: float,
     samples: int,
     paths: int,

@@ -49,6 +49,9 @@ pub const SHARE: Requirement = Requirement {
     words: "greater than 0 and at most 1",
     holds: |x| 0.0 < x && x <= 1.0,
 };
+/// Shares of which there may be nothing.
+pub const FROM_NONE_TO_ALL: Requirement =
+    Requirement { symbols: "in [0, 1]", words: "from 0 to 1", holds: |x| (0.0..=1.0).contains(&x) };
 /// Shares of which something has to be missing.
 pub const PART: Requirement =
     Requirement { symbols: "in [0, 1)", words: "in [0, 1)", holds: |x| (0.0..1.0).contains(&x) };

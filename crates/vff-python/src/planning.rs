@@ -25,6 +25,10 @@ use vff_core::trajectory::JointSpline;
 ///     What every link keeps from obstacles [m].
 /// horizon : float or None
 ///     For how long the places that obstacles will pass are kept free [s]; None leaves out what moves.
+/// tilt : float or None
+///     How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
+/// upright : list of float or None
+///     The configuration in which it stands upright [rad]; the start by default.
 /// speed : float
 ///     Share of the limits of speed and acceleration, in (0, 1].
 /// samples : int
@@ -38,14 +42,14 @@ use vff_core::trajectory::JointSpline;
 /// -------
 /// dict
 ///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
-///     ``gap``, ``samples``, ``nodes``.
+///     ``shares``, ``tilt``, ``gap``, ``samples``, ``nodes``.
 ///
 /// Raises
 /// ------
 /// vffnull.errors.ScenarioError
 ///     If the scenario cannot be read, or a setting is of no use.
 #[pyfunction]
-#[pyo3(signature = (document, start, goal, time, margin, horizon, speed, samples, paths, seed))]
+#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, speed, samples, paths, seed))]
 #[expect(clippy::too_many_arguments, reason = "each by its name in Python")]
 pub fn plan<'py>(
     py: Python<'py>,
@@ -55,12 +59,26 @@ pub fn plan<'py>(
     time: f64,
     margin: f64,
     horizon: Option<f64>,
+    tilt: Option<f64>,
+    upright: Option<Vec<f64>>,
     speed: f64,
     samples: usize,
     paths: usize,
     seed: u64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let settings = PlanSettings { start, goal, time, margin, horizon, speed, samples, paths, seed };
+    let settings = PlanSettings {
+        start,
+        goal,
+        time,
+        margin,
+        horizon,
+        tilt,
+        upright,
+        speed,
+        samples,
+        paths,
+        seed,
+    };
     let (plan, n) = prepared(py, &document, |scenario| {
         Ok((motion::plan(&scenario, &settings)?, scenario.q0.len()))
     })?;
@@ -68,13 +86,20 @@ pub fn plan<'py>(
     found.set_item("status", plan.status.name())?;
     found.set_item("message", plan.message)?;
     found.set_item("t", PyArray1::from_vec(py, plan.times))?;
-    let arrays = [("q", plan.q), ("dq", plan.dq), ("ddq", plan.ddq), ("margins", plan.margins)];
+    let arrays = [
+        ("q", plan.q),
+        ("dq", plan.dq),
+        ("ddq", plan.ddq),
+        ("margins", plan.margins),
+        ("shares", plan.shares),
+    ];
     for (name, numbers) in arrays {
         let rows = numbers.len() / n;
         found.set_item(name, array2(py, numbers, [rows, n])?)?;
     }
     found.set_item("clearance", plan.clearance)?;
     found.set_item("margin", plan.margin)?;
+    found.set_item("tilt", plan.tilt)?;
     found.set_item("gap", plan.gap)?;
     found.set_item("samples", plan.samples)?;
     found.set_item("nodes", plan.nodes)?;

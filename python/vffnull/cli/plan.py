@@ -79,6 +79,12 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     metavar="SECONDS",
     help="Keep places free that are passed so soon [s]; 0: nothing moves; none: leave out what does then.",
 )
+@click.option(
+    "--tilt",
+    type=float,
+    metavar="ANGLE",
+    help="How far the end effector may lean [rad]; by default that does not matter.",
+)
 @click.option("--samples", type=int, default=50_000, show_default=True, help="When to give up.")
 @click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
@@ -93,6 +99,7 @@ def plan(
     margin: float,
     speed: float,
     horizon: float | None,
+    tilt: float | None,
     samples: int,
     paths: int,
     seed: int,
@@ -124,7 +131,7 @@ def plan(
         goals = [{"position": p, "orientation": q} for p, q in zip(goal, orientation, strict=True)]
     given = goals if len(goals) > 1 else next(iter(goals), None)
     tried = {"samples": samples, "paths": paths, "seed": seed}
-    found = find(ready, given, pause=pause, margin=margin, speed=speed, horizon=horizon, **tried)
+    found = find(ready, given, pause=pause, margin=margin, speed=speed, horizon=horizon, tilt=tilt, **tried)
     if out is not None:
         found.save(out)
     if as_json:
@@ -142,6 +149,7 @@ _MEANINGS = {
     "duration": ("s", "how long the motion takes"),
     "clearance": ("m", "smallest distance from obstacles"),
     "margin": ("m", "distance that the path keeps where it keeps least"),
+    "tilt": ("rad", "how far the end effector leans at most"),
     "gap": ("rad", "what was left to the goal"),
     "samples": ("", "random configurations that were tried"),
     "nodes": ("", "how many of them the search kept"),
@@ -171,6 +179,7 @@ def _summary(found: Plan) -> dict[str, str | float | int | None]:
         "duration": finite(found.duration, 3),
         "clearance": finite(found.clearance, 4),
         "margin": finite(found.margin, 4),
+        "tilt": None if found.tilt is None else finite(found.tilt, 4),
         "gap": finite(found.gap, 4),
         "samples": found.samples,
         "nodes": found.nodes,

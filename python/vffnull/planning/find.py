@@ -36,6 +36,7 @@ def plan(
     pause: float = 0.5,
     margin: float = 0.02,
     horizon: float | None = 1.0,
+    tilt: float | None = None,
     speed: float = 0.5,
     samples: int = 50_000,
     paths: int = 4,
@@ -69,6 +70,10 @@ def plan(
     horizon : float or None, optional
         For how long the places that obstacles will pass are kept free [s], as their motion is known. With
         0 they are taken as they are at `time`, with None those that move then are left out.
+    tilt : float, optional
+        How far the end effector may lean from how it stands at the start [rad], > 0, whichever way it turns
+        about the vertical; in the plane how far it may turn. By default that does not matter. Of several
+        goals, from how it stands before the first.
     speed : float, optional
         The share of the limits of speed and acceleration that is used, in (0, 1]. Joints without a limit
         of speed take 3 rad/s for it; the limit of acceleration is 30 rad/s² in the plane and 10 rad/s² in
@@ -105,14 +110,22 @@ def plan(
     >>> there_and_back = plan("narrow-gap", [found.q[-1], found.q[0]])
     >>> bool(there_and_back.duration > 2 * found.duration)
     True
+
+    With what the hand carries no more than 10° from upright:
+
+    >>> level = plan("panda-shelf", horizon=0, tilt=np.radians(10))
+    >>> bool(level.tilt <= np.radians(10))
+    True
     """
     ready = prepare(scenario)
     document, arm = ready._document, ready.arm  # neither changes here, and to copy them takes milliseconds
     at = None if start is None else _vector("start", start, len(document["q0"]))
     now = _finite("time", time)
-    settings = {
+    settings: dict[str, Any] = {
         "margin": _finite("margin", margin),
         "horizon": None if horizon is None else _finite("horizon", horizon),
+        "tilt": None if tilt is None else positive("tilt", tilt),
+        "upright": None if tilt is None else document["q0"] if at is None else at,
         "speed": _finite("speed", speed),
         "samples": whole("samples", samples, 0, _MAX_SAMPLES),
         "paths": whole("paths", paths, 1, _MAX_PATHS),
@@ -204,9 +217,9 @@ def _aimed(name: str, document: Document, goal: Any, dimension: int) -> tuple[Do
         else:
             reference["orientation"] = _vector(f"{name} orientation", turned, 4)
     controller: Document = {"task": "position" if orientation is None else "pose"}
-    keep = document.get("controller", {}).get("self_collision")
-    if keep is not None:
-        controller["self_collision"] = keep
+    # Whatever the law's task is, the plan is for what it keeps apart and sends.
+    law = document.get("controller", {})
+    controller |= {key: law[key] for key in ("self_collision", "command") if key in law}
     return {**document, "reference": reference, "controller": controller}, None
 
 

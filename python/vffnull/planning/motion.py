@@ -23,7 +23,8 @@ __all__ = ["Plan", "PlanStatus"]
 Array = NDArray[np.float64]
 
 _FORMAT = 1
-_ARRAYS = ("t", "q", "dq", "ddq", "tip", "margins")
+_ARRAYS = ("t", "q", "dq", "ddq", "tip", "margins", "shares")
+_KEPT = ("margins", "shares")  # of each link, where it is known
 _SAME = 1e-9  # rad or m
 _NUMBERS = ("clearance", "margin", "gap", "samples", "nodes", "wall_time")
 
@@ -94,9 +95,13 @@ class Plan:
         would help. Of a motion, where it keeps less than the margin.
     margins : (k, n) ndarray
         What each link is certain to keep from obstacles between each instant and the next, the smaller of
-        both [m]: barriers that follow the plan keep no more. Of a margin that an obstacle has of its own
-        it keeps the share that this is of ``yielding.margin``. Empty if nothing was found, and in older
-        files.
+        both [m]: barriers that follow the plan keep no more. Empty if nothing was found, and in older files.
+    shares : (k, n) ndarray
+        The same of the margins that obstacles have of their own, in parts of each, 1 at most. Empty if none
+        has one.
+    tilt : float or None
+        How far the end effector leans at most, at the instants and seven times in between [rad]. None if that
+        was not asked for, or nothing was found.
     ignored : tuple of (str, str)
         Pairs of links that were not measured against each other: the ``ignore`` of the arm.
     """
@@ -115,7 +120,9 @@ class Plan:
     wall_time: float
     message: str = ""
     margins: Array = field(default_factory=lambda: np.empty((0, 0)))
+    shares: Array = field(default_factory=lambda: np.empty((0, 0)))
     ignored: tuple[tuple[str, str], ...] = ()
+    tilt: float | None = None
 
     @property
     def duration(self) -> float:
@@ -134,7 +141,7 @@ class Plan:
         """
         self._needed()
         made = {"kind": "plan", "times": self.t.tolist(), "points": self.q.tolist()}
-        return made | {"margins": self.margins.tolist()} if len(self.margins) else made
+        return made | {name: getattr(self, name).tolist() for name in _KEPT if len(getattr(self, name))}
 
     def at(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations of the joints at any instants.
@@ -191,18 +198,23 @@ class Plan:
         apart = float(np.abs(following.q[0] - self.q[-1]).max())
         if apart > _SAME:
             raise InputError(f"following: must begin where this plan ends, not {apart:.2g} rad or m away")
-        known = len(self.margins) and len(following.margins)
         joined = {
             name: np.concatenate([getattr(self, name), getattr(following, name)])
             for name in _ARRAYS
-            if known or name != "margins"
+            if name not in _KEPT
         }
+        if len(self.margins) and len(following.margins):
+            joined["margins"] = np.concatenate([self.margins, following.margins])
+            if len(self.shares) or len(following.shares):
+                shares = [p.shares if len(p.shares) else np.ones_like(p.q) for p in (self, following)]
+                joined["shares"] = np.concatenate(shares)
         joined["t"][len(self.t) :] += self.t[-1] + rest
         if not (np.diff(joined["t"]) > 0.0).all():  # rounding has lost the rest, or the motion after it
             least = 2.0 * np.spacing(self.t[-1])
             most = 0.5 * np.diff(following.t).min() / np.finfo(float).eps
             raise InputError(f"pause: expected {least:.1g} to {most:.1g} s between these plans, got {rest} s")
         joined["q"][len(self.t)] = self.q[-1]  # exactly: that makes it a rest
+        tilts = [plan.tilt for plan in (self, following) if plan.tilt is not None]
         return Plan(
             status=self.status,
             clearance=min(self.clearance, following.clearance),
@@ -213,6 +225,7 @@ class Plan:
             wall_time=self.wall_time + following.wall_time,
             message=f"{self.message}; then {following.message}",
             ignored=tuple(dict.fromkeys(self.ignored + following.ignored)),
+            tilt=max(tilts) if len(tilts) == 2 else None,
             **joined,
         )
 
@@ -238,6 +251,7 @@ class Plan:
         header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
         header["message"] = self.message
         header["ignored"] = self.ignored
+        header["tilt"] = self.tilt
         header |= {name: getattr(self, name) for name in _NUMBERS}
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         header["digest"] = digest(json.dumps(header), arrays.values())
@@ -261,8 +275,8 @@ class Plan:
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull_plan"]))
-                # Files of older versions have no margins.
-                names = [name for name in _ARRAYS if name != "margins" or name in file]
+                # Files of older versions say nothing of these.
+                names = [name for name in _ARRAYS if name not in _KEPT or name in file]
                 arrays: dict[str, Any] = {name: np.asarray(file[name]) for name in names}
             if header["format"] != _FORMAT:
                 raise InputError(
@@ -275,7 +289,8 @@ class Plan:
             values: dict[str, Any] = {name: type_(header[name]) for name, type_ in _types().items()}
             message = str(header.get("message", ""))  # older files have none
             ignored = tuple((str(a), str(b)) for a, b in header.get("ignored", ()))
-            status = PlanStatus(header["status"])
+            status, tilt = PlanStatus(header["status"]), header.get("tilt")
+            values["tilt"] = None if tilt is None else float(tilt)
             plan = cls(status=status, message=message, ignored=ignored, **values, **arrays)
         except InputError:
             raise
@@ -296,7 +311,7 @@ class Plan:
             and self.tip.shape[1] in (2, 3)
             and self.dq.shape == self.ddq.shape == ((times, points[1]) if found else (0, points[1]))
             and times == (points[0] if found else 0)
-            and (not self.margins.size or (found and self.margins.shape == points))
+            and all(not kept.size or (found and kept.shape == points) for kept in (self.margins, self.shares))
             and all(np.isfinite(getattr(self, name)).all() for name in _ARRAYS)
             and not any(math.isnan(getattr(self, name)) for name in _NUMBERS)
         )

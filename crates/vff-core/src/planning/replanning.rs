@@ -14,7 +14,7 @@ use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
 use crate::trajectory::{JointSpline, Pace, Trajectory};
-use crate::world::{CollisionQuery, World};
+use crate::world::{CollisionQuery, PairMargin, World};
 use progress::{Place, Progress};
 use std::mem::{replace, swap};
 use std::sync::Arc;
@@ -60,10 +60,10 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     settings: ReplanSettings,
     seed: u64,
     arm: Arc<S::Arm>,
+    /// Where the end effector stands upright \[rad or m\].
+    upright: Vec<f64>,
     /// As it is at the beginning.
     world: World<S::Geometry, D>,
-    /// Whether bodies of the arm must not touch each other.
-    keeps_apart: bool,
     first: Trajectory<S::Pose, M>,
     /// Where that, or what somebody has put in its place, comes to rest.
     goal: S::Pose,
@@ -75,8 +75,6 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     searches: Vec<Replanned>,
     /// What the plan keeps from everything \[m\], where it does not say so itself.
     kept: f64,
-    /// What barriers keep without a plan \[m\].
-    usual: f64,
     /// How often what passes by has been waited for.
     waits: u32,
     ahead: Ahead<S, D, M>,
@@ -132,11 +130,10 @@ where
         let mut state = arm.state();
         has_ends(&state, arm.limits())?;
         state.update_positions(&scenario.q0);
-        let usual = scenario.controller.yielding.margin;
         let mut this = Self {
             arm: Arc::clone(arm),
+            upright: scenario.q0.clone(),
             world: world.clone(),
-            keeps_apart: scenario.controller.self_collision != SelfCollision::Ignore,
             goal: Manipulator::<D, M>::pose(&state),
             settings: settings.clone(),
             seed: scenario.seed,
@@ -146,9 +143,8 @@ where
             search: None,
             searches: vec![],
             kept: 0.0,
-            usual,
             waits: 0,
-            ahead: Ahead::new(state, world, usual),
+            ahead: Ahead::new(state, world),
             progress: Progress::default(),
             wait: [f64::NEG_INFINITY, PAUSES[0]],
         };
@@ -158,12 +154,12 @@ where
 
     fn begin(&mut self) {
         let Self { first, settings, ahead, arm, world, .. } = self;
-        *ahead = Ahead::new(arm.state(), world, self.usual);
+        *ahead = Ahead::new(arm.state(), world);
         self.kept = 0.0;
         if let Some(plan) = first.joints() {
             let [start, end] = plan.span();
             let room = [(plan.first(), start), (plan.last(), end)]
-                .map(|(q, t)| 0.9 * ahead.room(q, t, settings.margin, |_| 0.0))
+                .map(|(q, t)| 0.9 * ahead.least(q, t, settings.margin))
                 .into_iter()
                 .fold(settings.margin, f64::min);
             self.kept = room.max(0.0);
@@ -297,8 +293,10 @@ where
         let joints = JointSpline::new(&times, &rows(&plan.q)).ok()?;
         let Moment { pace, reference, posture, .. } = *moment;
         let (path_time, blend) = (pace.time, self.settings.blend);
-        let joints = joints.keeping(&rows(&plan.margins)).ok()?;
-        let joints = joints.keeping_on(reference.joints(), self.usual, path_time, blend);
+        let shares = Some(rows(&plan.shares)).filter(|shares| !shares.is_empty());
+        let joints = joints.keeping(&rows(&plan.margins), shares.as_deref()).ok()?;
+        let joints =
+            joints.keeping_on(reference.joints(), moment.law.yielding.margin, path_time, blend);
         let follow = |joints| follow_plan::<S::State, D, M>(self.arm.state(), joints);
         Some(match reference.joints() {
             Some(old) => {
@@ -314,13 +312,15 @@ where
 
     /// Begins a search.
     fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
-        let ReplanSettings { latency, margin, horizon, speed, samples, .. } = self.settings;
+        let ReplanSettings { latency, margin, horizon, tilt, speed, samples, .. } = self.settings;
         let settings = PlanSettings {
             start: None,
             goal: None,
             time: moment.since + latency,
             margin,
             horizon: Some(horizon),
+            tilt,
+            upright: tilt.map(|_| self.upright.clone()),
             speed,
             samples,
             paths: PlanSettings::default().paths,
@@ -329,8 +329,8 @@ where
         let mut task = Task::<S, D, M> {
             arm: Arc::clone(&self.arm),
             world: moment.world.clone(),
-            keeps_apart: self.keeps_apart,
-            usual: self.usual,
+            command: moment.law.command.clone(),
+            keeps_apart: moment.law.self_collision != SelfCollision::Ignore,
             goal: Goal::Pose(self.goal),
             start: moment.q.to_vec(),
         };
@@ -465,6 +465,7 @@ where
         Box::new(Self {
             settings: self.settings.clone(),
             arm: Arc::clone(&self.arm),
+            upright: self.upright.clone(),
             world: self.world.clone(),
             first: self.first.clone(),
             beside: self.beside.as_ref().map(|_| Worker::new()),
@@ -488,17 +489,16 @@ struct Ahead<S: System<D, M>, const D: usize, const M: usize> {
     /// When the last look was \[s\].
     last: f64,
     q: [Vec<f64>; 3],
-    /// What each link is to keep there, and what it keeps usually \[m\].
+    /// What each link is to keep there \[m\], and of margins of their own.
     margins: Vec<[f64; 3]>,
-    usual: f64,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
-    fn new(robot: S::State, world: &World<S::Geometry, D>, usual: f64) -> Self {
+    fn new(robot: S::State, world: &World<S::Geometry, D>) -> Self {
         let n = robot.dof();
         let q = [0; 3].map(|_| vec![0.0; n]);
-        let margins = vec![[0.0; 3]; n];
-        Self { robot, worlds: world.parted(), next: None, last: 0.0, q, margins, usual }
+        let margins = vec![[0.0; 3]; 2 * n];
+        Self { robot, worlds: world.parted(), next: None, last: 0.0, q, margins }
     }
 
     /// Begins with another plan.
@@ -506,21 +506,27 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
         self.next = None;
     }
 
-    /// How far the arm at `q` will be from everything at `t` \[s\] beyond what each link is to keep \[m\], a pair with a margin of its
-    /// own in the share that this is of what is kept `usually`.
-    fn room(&mut self, q: &[f64], t: f64, usually: f64, kept: impl Fn(usize) -> f64) -> f64 {
+    /// How far the arm at `q` will be from everything at `t` \[s\], a margin of a pair's own in the share that it is of what is kept
+    /// `usually` \[m\].
+    fn least(&mut self, q: &[f64], t: f64, usually: f64) -> f64 {
+        self.room(q, t, |_, margin, d| d / margin.share(usually))
+    }
+
+    /// The least that `room` makes of a link, the margin and the distance \[m\] of every pair where the arm is at `q` and things at `t`
+    /// \[s\].
+    fn room(&mut self, q: &[f64], t: f64, room: impl Fn(usize, PairMargin, f64) -> f64) -> f64 {
         let Self { robot, worlds, .. } = self;
-        let usually = usually.max(f64::MIN_POSITIVE);
         robot.update_positions(q);
         let mut least = f64::INFINITY;
         for world in worlds.iter_mut().filter(|world| !world.is_empty()) {
             world.update(t);
-            let mut nearest = |link: usize, d: f64| least = least.min(d - kept(link));
             if world.most_margin() > 0.0 {
                 world.for_each_pair(robot.bodies(), |pair| {
-                    nearest(pair.link, pair.distance / pair.margin.share(usually));
+                    least = least.min(room(pair.link, pair.margin, pair.distance));
                 });
             } else {
+                let nearest =
+                    |link: usize, d: f64| least = least.min(room(link, PairMargin::USUAL, d));
                 world.for_each_contact(robot.bodies(), f64::NEG_INFINITY, nearest, |_| {});
             }
         }
@@ -555,19 +561,21 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
                 self.worlds[1] = World::new(vec![]);
             }
             let mut margins = std::mem::take(&mut self.margins);
-            // A plan says what it keeps in parts of what the law does.
-            let usually = match joints.margins() {
-                Some(said) => {
-                    said.known_at(&Pace::of_time(then), kept / CERTAIN, &mut margins);
-                    self.usual
+            let n = moment.q.len();
+            margins[..n].fill([kept / CERTAIN, 0.0, 0.0]);
+            margins[n..].fill([1.0, 0.0, 0.0]);
+            if let Some(said) = joints.margins() {
+                said.known_at(&Pace::of_time(then), kept / CERTAIN, &mut margins);
+            }
+            // Of a margin of its own a pair keeps as much of what the plan says as others do.
+            let (of_links, of_own) = margins.split_at(n);
+            let share = kept / settings.margin;
+            let room = self.room(&state[0], moment.since + ahead, |link, margin, d| {
+                d - match margin.of_its_own() {
+                    None => CERTAIN * of_links[link][0],
+                    Some(own) => own * (CERTAIN * of_own[link][0]).min(share),
                 }
-                None => {
-                    margins.fill([kept / CERTAIN, 0.0, 0.0]);
-                    settings.margin
-                }
-            };
-            let kept_by = |link: usize| CERTAIN * margins[link][0];
-            let room = self.room(&state[0], moment.since + ahead, usually, kept_by);
+            });
             least = least.min(room);
             (self.q, self.margins) = (state, margins);
         }

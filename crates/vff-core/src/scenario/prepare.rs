@@ -5,7 +5,7 @@ use super::{Problem, Scenario, ScenarioError, WhereUnreachable, numbers, validat
 use crate::control::{Gains, Gravity};
 use crate::planned_reference::follow_plan;
 use crate::robot::{Limits, Manipulator, Model, Robot};
-use crate::settings::NOT_NEGATIVE;
+use crate::settings::{FROM_NONE_TO_ALL, NOT_NEGATIVE};
 use crate::simulation::{
     Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Sizes,
     SpaceTypes, System, orientation_width,
@@ -21,7 +21,7 @@ pub(crate) fn unusable(error: &TrajectoryError) -> ScenarioError {
 
 /// The joints of a plan for an arm of `n` joints with these limits.
 fn joints(
-    Knots { times, points, margins }: Knots<'_>,
+    Knots { times, points, margins, shares }: Knots<'_>,
     limits: &Limits,
     n: usize,
 ) -> Result<JointSpline, ScenarioError> {
@@ -36,16 +36,26 @@ fn joints(
         }
     }
     let spline = JointSpline::new(times, points).map_err(|error| unusable(&error))?;
-    let Some(margins) = margins else { return Ok(spline) };
-    for (i, margin) in margins.iter().enumerate() {
-        for (k, margin) in margin.iter().enumerate() {
-            if !(NOT_NEGATIVE.holds)(*margin) {
-                let path = format!("reference.margins[{i}][{k}]");
-                return Err(ScenarioError::out_of_range(&path, NOT_NEGATIVE.words, *margin));
+    for (name, rows, range) in
+        [("margins", margins, &NOT_NEGATIVE), ("shares", shares, &FROM_NONE_TO_ALL)]
+    {
+        for (i, row) in rows.unwrap_or_default().iter().enumerate() {
+            for (k, kept) in row.iter().enumerate() {
+                if !(range.holds)(*kept) {
+                    let path = format!("reference.{name}[{i}][{k}]");
+                    return Err(ScenarioError::out_of_range(&path, range.words, *kept));
+                }
             }
         }
     }
-    spline.keeping(margins).map_err(|error| unusable(&error))
+    match (margins, shares) {
+        (Some(margins), _) => spline.keeping(margins, shares).map_err(|error| unusable(&error)),
+        (None, Some(_)) => {
+            let problem = "says of what is kept a share alone: needs `reference.margins` beside it";
+            Err(ScenarioError::new("reference.shares", Problem::Other(problem.into())))
+        }
+        (None, None) => Ok(spline),
+    }
 }
 
 /// Which arm, where its end effector has to be, and what is odd about that.

@@ -1,6 +1,7 @@
 //! A reference that is watched over while it is followed: what is asked of whoever makes a plan where it leads nowhere (T121, T179).
 
 use super::System;
+use crate::control::Settings;
 use crate::math::Vector;
 use crate::settings::settings;
 use crate::trajectory::{Pace, Trajectory};
@@ -27,6 +28,8 @@ settings! {
         margin: f64 = 0.02, "m", POSITIVE;
         /// For how long what moves is predicted.
         horizon: f64 = 1.0, "s", NOT_NEGATIVE;
+        /// How far the end effector may tilt from how it stands at `q0`, as far as plans decide that; in the plane: turn.
+        tilt: Option<f64> = None, "rad", POSITIVE;
         /// The share of the limits of speed and acceleration.
         speed: f64 = 0.5, "", SHARE;
         /// Random configurations until a search gives up.
@@ -107,6 +110,8 @@ pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
     pub reference: &'a Trajectory<S::Pose, M>,
     /// What is in the way.
     pub world: &'a World<S::Geometry, D>,
+    /// The law that follows.
+    pub law: &'a Settings,
 }
 
 /// Somebody who makes a plan where a reference leads nowhere.

@@ -29,9 +29,11 @@ pub enum TrajectoryError {
         /// Length of the list.
         given: usize,
     },
-    /// Not as many rows of margins as instants.
+    /// Not as many rows of what is kept as instants.
     #[error("expected {expected} rows, one per instant, given {given}")]
-    MarginCount {
+    RowCount {
+        /// Name of the list: `margins` or `shares`.
+        field: &'static str,
         /// The number of instants.
         expected: usize,
         /// The number of rows.
@@ -138,7 +140,7 @@ impl TrajectoryError {
             Self::UselessOrientation { field } => (*field).into(),
             Self::OrientationCount { .. } => "orientations".into(),
             Self::OrientationsApart { index } => format!("orientations[{index}]"),
-            Self::MarginCount { .. } => "margins".into(),
+            Self::RowCount { field, .. } => (*field).into(),
             Self::Normal { .. } => "normal".into(),
             Self::PointCount { .. } | Self::WithoutArm => "points".into(),
             Self::TooFewTimes { .. } => "times".into(),

@@ -129,12 +129,17 @@ impl JointSpline {
         self
     }
 
-    /// The same motion, on which every link is known to keep `margins` \[m\] from obstacles.
+    /// The same motion, on which every link is known to keep `margins` \[m\] from obstacles, and of margins of their own these
+    /// `shares`, or all.
     ///
     /// # Errors
-    /// If there is not one margin for each link at each knot.
-    pub fn keeping(mut self, margins: &[Vec<f64>]) -> Result<Self, TrajectoryError> {
-        self.margins = Some(KeptMargins::new(&self.times, margins, self.n)?);
+    /// If there is not one number for each link at each knot.
+    pub fn keeping(
+        mut self,
+        margins: &[Vec<f64>],
+        shares: Option<&[Vec<f64>]>,
+    ) -> Result<Self, TrajectoryError> {
+        self.margins = Some(KeptMargins::new(&self.times, margins, shares, self.n)?);
         Ok(self)
     }
 
@@ -337,7 +342,7 @@ mod tests {
             points.pop();
             let times: Vec<f64> = (0_u32..).take(points.len()).map(|k| 0.3 * f64::from(k)).collect();
             let whole = JointSpline::new(&times, &points).unwrap();
-            let knots = Knots { times: &times, points: &points, margins: None };
+            let knots = Knots { times: &times, points: &points, margins: None, shares: None };
             prop_assert_eq!(knots.rest_between(), legs.len() > 1);
             for (leg, next) in legs.iter().zip(legs.iter().skip(1).map(Some).chain([None])) {
                 let alone = JointSpline::new(&times[leg.clone()], &points[leg.clone()]).unwrap();

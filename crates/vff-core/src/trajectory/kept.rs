@@ -9,21 +9,21 @@ use crate::math::smoothstep;
 const REACH: usize = 2;
 
 /// What every link keeps from obstacles, over time: C² where the knots are evenly spaced, and between two of them at most the
-/// smaller of what was said there.
+/// smaller of what was said there. Of obstacles that have a margin of their own it is the share of that which each link keeps.
 ///
 /// # Example
 /// ```
 /// use vff_core::trajectory::{KeptMargins, Pace};
 ///
-/// let kept = KeptMargins::new(&[0.0, 1.0], &[vec![0.02], vec![0.05]], 1).unwrap();
-/// let mut margins = [[0.0; 3]];
+/// let kept = KeptMargins::new(&[0.0, 1.0], &[vec![0.02], vec![0.05]], None, 1).unwrap();
+/// let mut margins = [[0.0; 3]; 2];
 /// kept.at(&Pace::of_time(0.0), 0.1, &mut margins);
-/// assert!((margins[0][0] - 0.02).abs() < 1e-12);
+/// assert!((margins[0][0] - 0.02).abs() < 1e-12 && margins[1] == [1.0, 0.0, 0.0]);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeptMargins {
     times: Vec<f64>,
-    /// The least of the knots around, of all links at the first knot, then of all at the next \[m\].
+    /// The least of the knots around, of all links at the first knot \[m\], of margins of their own behind that, then of all at the next.
     control: Vec<f64>,
     links: usize,
     /// How much more is still kept because it was before, of each link, and whether the reference before said anything.
@@ -31,26 +31,37 @@ pub struct KeptMargins {
 }
 
 impl KeptMargins {
-    /// Of `margins` \[m\] at `times` \[s\], a number for each of so many `links`.
+    /// Of `margins` \[m\] at `times` \[s\], a number for each of so many `links`, and `shares` of margins of their own alike: all of
+    /// these without.
     ///
     /// # Errors
     /// With times that do not increase, not as many margins as times, or margins of another length.
-    pub fn new(times: &[f64], margins: &[Vec<f64>], links: usize) -> Result<Self, TrajectoryError> {
-        if times.len() != margins.len() {
-            let (expected, given) = (times.len(), margins.len());
-            return Err(TrajectoryError::MarginCount { expected, given });
+    pub fn new(
+        times: &[f64],
+        margins: &[Vec<f64>],
+        shares: Option<&[Vec<f64>]>,
+        links: usize,
+    ) -> Result<Self, TrajectoryError> {
+        piecewise::check(times, times.len())?;
+        for (field, rows) in [("margins", Some(margins)), ("shares", shares)] {
+            let Some(rows) = rows else { continue };
+            if times.len() != rows.len() {
+                let (expected, given) = (times.len(), rows.len());
+                return Err(TrajectoryError::RowCount { field, expected, given });
+            }
+            if let Some(i) = rows.iter().position(|row| row.len() != links) {
+                let (field, given) = (format!("{field}[{i}]"), rows[i].len());
+                return Err(TrajectoryError::Joints { field, expected: links, given });
+            }
         }
-        piecewise::check(times, margins.len())?;
-        if let Some(i) = margins.iter().position(|margin| margin.len() != links) {
-            let (field, given) = (format!("margins[{i}]"), margins[i].len());
-            return Err(TrajectoryError::Joints { field, expected: links, given });
-        }
-        let mut control = Vec::with_capacity(times.len() * links);
+        let mut control = Vec::with_capacity(2 * times.len() * links);
         for k in 0..times.len() {
-            let around = &margins[k.saturating_sub(REACH)..times.len().min(k + REACH + 1)];
-            control.extend((0..links).map(|link| {
-                around.iter().map(|margin| margin[link]).fold(f64::INFINITY, f64::min)
-            }));
+            let around = k.saturating_sub(REACH)..times.len().min(k + REACH + 1);
+            let least = |rows: &[Vec<f64>], link: usize| {
+                rows[around.clone()].iter().map(|row| row[link]).fold(f64::INFINITY, f64::min)
+            };
+            control.extend((0..links).map(|link| least(margins, link)));
+            control.extend((0..links).map(|link| shares.map_or(1.0, |rows| least(rows, link))));
         }
         Ok(Self { times: times.to_vec(), control, links, before: None })
     }
@@ -60,6 +71,7 @@ impl KeptMargins {
     #[must_use]
     pub fn taking_over(mut self, old: Option<&Self>, usual: f64, t: f64, duration: f64) -> Self {
         let mut before = vec![[usual, 0.0, 0.0]; self.links];
+        before.resize(2 * self.links, [1.0, 0.0, 0.0]);
         let mut kept = before.clone();
         if let Some(old) = old {
             old.at(&Pace::of_time(t), usual, &mut before);
@@ -79,8 +91,8 @@ impl KeptMargins {
         }
     }
 
-    /// What each link keeps at `pace` \[m\], no more than `most`, with its first and second derivative in time. Does not
-    /// allocate.
+    /// What each link keeps at `pace` \[m\], no more than `most`, and behind that of margins of their own, with the first and second
+    /// derivative in time. Does not allocate.
     pub fn at(&self, pace: &Pace, most: f64, kept: &mut [[f64; 3]]) {
         self.known_at(pace, most, kept);
         let Some((before, _)) = &self.before else { return };
@@ -106,10 +118,11 @@ impl KeptMargins {
         ];
         let slopes = [-0.5 * r * r, 1.5 * s * s - 2.0 * s, -1.5 * s * s + s + 0.5, 0.5 * s * s];
         let bends = [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
-        for (link, kept) in kept.iter_mut().enumerate() {
+        for (column, kept) in kept.iter_mut().enumerate() {
+            let most = if column < self.links { most } else { 1.0 };
             let point = |k: usize| {
                 let knot = (i + k).saturating_sub(1).min(self.times.len() - 1);
-                self.control[knot * self.links + link].min(most)
+                self.control[2 * knot * self.links + column].min(most)
             };
             let sum = |weights: &[f64; 4]| (0..4).map(|k| weights[k] * point(k)).sum::<f64>();
             *kept = [sum(&weights), 0.0, 0.0];
@@ -136,10 +149,13 @@ mod tests {
         ) {
             let times: Vec<f64> = (0..12).map(|k| 0.04 * f64::from(k)).collect();
             let rows: Vec<Vec<f64>> = said.iter().map(|margin| vec![1.0, *margin]).collect();
-            let kept = KeptMargins::new(&times, &rows, 2).unwrap();
+            let shares: Vec<Vec<f64>> = said.iter().map(|margin| vec![1.0, *margin]).collect();
+            let kept = KeptMargins::new(&times, &rows, Some(&shares), 2).unwrap();
             let read = |t: f64| {
-                let mut found = [[0.0; 3]; 2];
+                let mut found = [[0.0; 3]; 4];
                 kept.at(&Pace { time: t, speed, change: 0.0 }, most, &mut found);
+                // A share of a margin of its own is told in the same way, whatever is asked for of others.
+                assert!(found[2] == [1.0, 0.0, 0.0] && found[3][0] >= found[1][0]);
                 found[1]
             };
             for k in 0..11 {
@@ -164,7 +180,7 @@ mod tests {
         let times: Vec<f64> = (0..30).map(|k| 0.04 * f64::from(k)).collect();
         let said = |least: f64| {
             let rows = times.iter().map(|t| vec![least + 0.01 * (9.0 * t).sin().abs()]);
-            KeptMargins::new(&times, &rows.collect::<Vec<_>>(), 1).unwrap()
+            KeptMargins::new(&times, &rows.collect::<Vec<_>>(), None, 1).unwrap()
         };
         let (old, new) = (said(0.008), said(0.003));
         let (usual, h) = (0.02, 1e-6);

@@ -132,12 +132,16 @@ pub struct Knots<'a> {
     pub points: &'a [Vec<f64>],
     /// What each link keeps from obstacles between two of them: the smaller of both \[m\].
     pub margins: Option<&'a [Vec<f64>]>,
+    /// Which share of margins of their own it keeps there.
+    pub shares: Option<&'a [Vec<f64>]>,
 }
 
 impl Knots<'_> {
-    /// Whether two in a row are the same: then the joints rest between them, and there are several goals.
+    /// Whether two in a row are the same and the joints move before and after: then there are several goals.
     pub fn rest_between(&self) -> bool {
-        self.points.len() > 2 && self.points.windows(2).any(|pair| pair[0] == pair[1])
+        let moves = |pair: &[Vec<f64>]| pair[0] != pair[1];
+        let mut pairs = self.points.windows(2).skip_while(|pair| !moves(pair));
+        pairs.any(|pair| !moves(pair)) && pairs.any(moves)
     }
 }
 

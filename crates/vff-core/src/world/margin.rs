@@ -33,6 +33,12 @@ impl PairMargin {
         self.0 > 0.0
     }
 
+    /// The one of its own \[m\].
+    #[inline]
+    pub fn of_its_own(self) -> Option<f64> {
+        self.is_own().then_some(self.0)
+    }
+
     /// What is kept where others keep `usual` \[m\].
     #[inline]
     pub fn or(self, usual: f64) -> f64 {

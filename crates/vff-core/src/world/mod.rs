@@ -249,11 +249,10 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         self.obstacles[j].is_static
     }
 
-    /// A speed that no obstacle exceeds until a time ≥ 0 \[s\], with all points of its surface \[m/s\]; of one without end, with
-    /// those that come to a ball of this `center` and `radius` \[m\].
-    pub fn top_speed(&self, until: f64, center: Vector<D>, radius: f64) -> f64 {
-        let speed = |obstacle: &Placed<S, D>| obstacle.top_speed(until, Some((center, radius)));
-        self.obstacles.iter().map(speed).fold(0.0, f64::max)
+    /// A speed that obstacle `j` does not exceed from one time ≥ 0 to another \[s\], with all points of its surface \[m/s\]; if it is
+    /// without end, with those that come to a ball of this `center` and `radius` \[m\].
+    pub fn top_speed(&self, j: usize, times: [f64; 2], center: Vector<D>, radius: f64) -> f64 {
+        self.obstacles[j].top_speed(times, Some((center, radius)))
     }
 
     /// Whether obstacle `j` is one convex body, which has one contact with another.

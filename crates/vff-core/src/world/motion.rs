@@ -190,19 +190,27 @@ impl<const D: usize> Motion<D> {
 
     /// A speed that the obstacle never exceeds \[m/s\].
     pub fn top_speed(&self) -> f64 {
+        self.top_speed_within([f64::NEG_INFINITY, f64::INFINITY])
+    }
+
+    /// The same from one time to another \[s\].
+    pub(super) fn top_speed_within(&self, [from, to]: [f64; 2]) -> f64 {
+        let is_within = |leg: [f64; 2]| leg[0] <= to && from <= leg[1];
         match self {
             Self::Static {} => 0.0,
             Self::Linear { velocity } => Vector::from(*velocity).norm(),
             Self::Sinusoid { amplitude, angular_frequency, .. } => {
                 Vector::from(*amplitude).norm() * angular_frequency.abs()
             }
-            Self::Waypoints { interpolation: Interpolation::Smooth, .. } => self.tops()[0],
+            Self::Waypoints { interpolation: Interpolation::Smooth, .. } => self.tops(is_within)[0],
             Self::Waypoints { times, points, .. } => {
                 let leg = |i: usize| {
                     let [from, to] = [points[i - 1], points[i]].map(Vector::<D>::from);
                     (to - from).norm() / (times[i] - times[i - 1])
                 };
-                (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
+                let legs = 1..times.len().min(points.len());
+                let within = legs.filter(|i| is_within([times[i - 1], times[*i]]));
+                within.map(leg).fold(0.0, f64::max)
             }
             Self::Dragged(filter) => filter.top_speed(),
         }
@@ -221,7 +229,7 @@ impl<const D: usize> Motion<D> {
     pub fn top_acceleration(&self) -> f64 {
         match self {
             Self::Sinusoid { angular_frequency, .. } => self.top_speed() * angular_frequency.abs(),
-            Self::Waypoints { interpolation: Interpolation::Smooth, .. } => self.tops()[1],
+            Self::Waypoints { interpolation: Interpolation::Smooth, .. } => self.tops(|_| true)[1],
             Self::Dragged(_) => f64::INFINITY,
             _ => 0.0,
         }
@@ -241,8 +249,8 @@ impl<const D: usize> Motion<D> {
         }
     }
 
-    /// What speed and acceleration never exceed between smooth way points.
-    fn tops(&self) -> [f64; 2] {
+    /// What speed and acceleration never exceed between smooth way points, where that `matters` from one time to another.
+    fn tops(&self, matters: impl Fn([f64; 2]) -> bool) -> [f64; 2] {
         let Self::Waypoints { times, points, .. } = self else { return [0.0; 2] };
         let times = &times[..times.len().min(points.len())];
         let tops = |i: usize| {
@@ -250,7 +258,8 @@ impl<const D: usize> Motion<D> {
             tops(&coefficients, times[i + 1] - times[i])
         };
         let most = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
-        (0..times.len().saturating_sub(1)).map(tops).fold([0.0; 2], most)
+        let pieces = 0..times.len().saturating_sub(1);
+        pieces.filter(|i| matters([times[*i], times[i + 1]])).map(tops).fold([0.0; 2], most)
     }
 
     /// The state at time `t` \[s\] of an obstacle whose initial position is `position0` \[m\].

@@ -20,9 +20,9 @@ const UNHARMED_UP_TO: f64 = 160.0;
 ///
 /// let coarsened = Cell::new(0);
 /// let still = |_: usize, _: &Vector<3>| Vector::<3>::zeros();
-/// let outlook = Outlook { rate: 10.0, kept: 0.02, usual: 0.02, velocity: &still, coarsened: &coarsened };
+/// let outlook = Outlook { rate: 10.0, kept: [0.02, 1.0], velocity: &still, coarsened: &coarsened };
 /// let ahead = Ahead::<3> {
-///     kept: outlook.kept,
+///     kept: outlook.kept[0],
 ///     horizon: 2.0 / outlook.rate,
 ///     shift: [Vector::<3>::zeros(); 2],
 ///     implied: 0.3,
@@ -35,11 +35,8 @@ const UNHARMED_UP_TO: f64 = 160.0;
 pub struct Outlook<'a, const D: usize> {
     /// k \[1/s\].
     pub rate: f64,
-    /// What is kept of a distance at most \[m\]; of pairs with margins of their own in the [`share`](super::PairMargin::share) that these
-    /// have of `usual` \[m\].
-    pub kept: f64,
-    /// See `kept`.
-    pub usual: f64,
+    /// What is kept of a distance at most \[m\], and of a margin of a pair's own at most.
+    pub kept: [f64; 2],
     /// The velocity of a point that is fixed to a link \[m/s\].
     pub velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
     /// Points that were taken for implied by others only because there is no room for more.
@@ -72,8 +69,8 @@ impl<const D: usize> Outlook<'_, D> {
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
     ) -> Ahead<'_, D> {
-        let Self { rate, kept, usual, velocity, coarsened } = *self;
-        let kept = kept * pair.margin.share(usual);
+        let Self { rate, kept: [usual, share], velocity, coarsened } = *self;
+        let kept = pair.margin.of_its_own().map_or(usual, |own| share * own);
         let shift = [axis.start, axis.end()].map(|end| {
             let seen = velocity(pair.link, &end) - state.velocity;
             let Some(turn) = turn else { return seen * (2.0 / rate) };

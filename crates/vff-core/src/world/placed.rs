@@ -175,7 +175,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         if turns_without_end || self.geometry.speed() > 0.0 {
             return f64::INFINITY;
         }
-        self.top_speed(self.since, None)
+        self.top_speed([f64::NEG_INFINITY, f64::INFINITY], None)
     }
 
     /// The state at time `t` \[s\], carried on for `after` \[s\]: at its velocity, or as it is foreseen. Without a copy between,
@@ -416,13 +416,18 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         }
     }
 
-    /// A speed that no point of its surface exceeds until it has moved by itself for so long \[m/s\]. Of a surface without end, where
-    /// that comes to a ball, of this centre and radius \[m\], or its position alone.
-    pub(super) fn top_speed(&self, until: f64, ball: Option<(Vector<D>, f64)>) -> f64 {
+    /// A speed that no point of its surface exceeds between two times \[s\], by the later of which it has moved by itself for that long
+    /// \[m/s\]. Of a surface without end, where that comes to a ball, of this centre and radius \[m\], or its position alone.
+    pub(super) fn top_speed(
+        &self,
+        [start, until]: [f64; 2],
+        ball: Option<(Vector<D>, f64)>,
+    ) -> f64 {
         let own = self.geometry.speed();
-        let speed = self.description.motion().top_speed() + own;
+        let speed = self.description.motion().top_speed_within([start, until]) + own;
         let Some(turned) = &self.turned else { return speed };
-        let reach = self.geometry.reach() + own * (until - self.since).max(0.0);
+        let grown = if own > 0.0 { own * (until - self.since).max(0.0) } else { 0.0 };
+        let reach = self.geometry.reach() + grown;
         let reach = match ball {
             _ if reach.is_finite() => reach,
             None => return speed,

@@ -274,7 +274,7 @@ impl Barrier {
         coarsened: &'a Cell<u64>,
     ) -> Outlook<'a, D> {
         let (rate, margins) = (self.rate, &self.margins);
-        Outlook { rate, kept: margins.most(rate), usual: margins.usual(), velocity, coarsened }
+        Outlook { rate, kept: margins.most(rate), velocity, coarsened }
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].

@@ -15,7 +15,7 @@ pub const OWN_ALONG_PLAN: f64 = 0.001;
 #[derive(Debug, Clone)]
 pub struct Margins {
     usual: f64,
-    /// Value, rate and change of the rate \[m, m/s, m/s²\].
+    /// Value, rate and change of the rate \[m, m/s, m/s²\]; behind these, in parts of margins of their own.
     of_links: Vec<[f64; 3]>,
     /// \[m\]
     own: f64,
@@ -24,7 +24,9 @@ pub struct Margins {
 impl Margins {
     /// Those of `settings`, for `n` links.
     pub fn new(n: usize, settings: &Yielding) -> Self {
-        Self { usual: settings.margin, of_links: vec![[settings.margin, 0.0, 0.0]; n], own: OWN }
+        let mut this = Self { usual: settings.margin, of_links: vec![[0.0; 3]; 2 * n], own: OWN };
+        this.go_to(None);
+        this
     }
 
     /// Goes to where a plan is at `pace`; without one, or where it says nothing, to those of the settings.
@@ -34,21 +36,27 @@ impl Margins {
             kept.at(pace, self.usual, &mut self.of_links);
             self.own = OWN_ALONG_PLAN + (1.0 - kept.share(pace.time)) * (OWN - OWN_ALONG_PLAN);
         } else {
-            self.of_links.fill([self.usual, 0.0, 0.0]);
+            let n = self.of_links.len() / 2;
+            let (usual, own) = self.of_links.split_at_mut(n);
+            usual.fill([self.usual, 0.0, 0.0]);
+            own.fill([1.0, 0.0, 0.0]);
             self.own = OWN;
         }
     }
 
-    /// How far a pair is above what it keeps \[m\], and how that changes: a margin of its own is lowered along a plan in the same
-    /// share as the usual one.
+    /// How far a pair is above what it keeps \[m\], and how that changes.
     #[inline]
     pub fn above<const D: usize>(
         &self,
         pair: &Contact<D>,
         motion: DistanceRate,
     ) -> (f64, DistanceRate) {
-        let share = pair.margin.share(self.usual);
-        let [margin, rate, change] = self.of_links[pair.link].map(|of_link| share * of_link);
+        let [margin, rate, change] = match pair.margin.of_its_own() {
+            None => self.of_links[pair.link],
+            Some(own) => {
+                self.of_links[self.of_links.len() / 2 + pair.link].map(|share| share * own)
+            }
+        };
         let motion = DistanceRate { rate: motion.rate - rate, bias: motion.bias - change };
         (pair.distance - margin, motion)
     }
@@ -59,10 +67,11 @@ impl Margins {
         self.usual
     }
 
-    /// What links keep from obstacles at most \[m\], reckoned on as barriers of this `rate` \[1/s\] do.
-    pub fn most(&self, rate: f64) -> f64 {
+    /// What links keep from obstacles at most \[m\], and of margins of their own, reckoned on as barriers of this `rate` \[1/s\] do.
+    pub fn most(&self, rate: f64) -> [f64; 2] {
         let ahead = |[margin, speed, _]: &[f64; 3]| margin + 2.0 * speed / rate;
-        self.of_links.iter().map(ahead).fold(f64::NEG_INFINITY, f64::max)
+        let (usual, own) = self.of_links.split_at(self.of_links.len() / 2);
+        [usual, own].map(|kept| kept.iter().map(ahead).fold(f64::NEG_INFINITY, f64::max))
     }
 
     /// What bodies of the arm keep from each other \[m\].

@@ -6,6 +6,7 @@
 
 use super::levers::{Jointed, Levers, Twist};
 use super::margins::{APART, Margins};
+use super::tilt::Tilt;
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
@@ -23,7 +24,7 @@ const COARSEST: f64 = 5e-3;
 /// At least so fine for an arm of less than 10 cm, as a share of its size: a small one is not to pass through what it touches.
 const FINEST_SHARE: f64 = 2e-4;
 /// A motion that needs shorter parts than this share of it counts as blocked.
-const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
+pub const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
 /// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
@@ -35,12 +36,8 @@ const MAX_PLACES: f64 = 64.0;
 #[derive(Debug, Clone)]
 pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     robot: R,
-    /// What stands still; then what moves, at the instants at which it is looked for; each with boxes around its obstacles.
-    worlds: Vec<(World<S, D>, ObstacleBoxes<D>)>,
-    /// The numbers of the obstacles that stand still, and of those that move, before they were parted.
-    numbers: [Vec<usize>; 2],
-    /// How far the latter go between two of these instants, at most half of it \[m\].
-    slack: f64,
+    /// What stands still; then what moves, at the instants at which it is looked for.
+    worlds: Vec<Around<S, D>>,
     reach: Levers,
     /// How fine motions are looked at, at most \[m\].
     finest: f64,
@@ -52,6 +49,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     pub asked: f64,
     /// The largest of those in parts of it, 1 or more.
     pub most_share: f64,
+    /// What the end effector may tilt, if that matters.
+    pub tilt: Option<Tilt>,
     /// From where on it does not matter how far a link is \[m\].
     limits: Vec<f64>,
     /// Signed distance of each link from what is nearest of that from which it keeps the usual margin \[m\], ∞ from its limit on.
@@ -66,6 +65,60 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     blocker: Option<Two>,
     /// The normals of the planes that told hulls apart last.
     planes: HashMap<Two, Vector<D>, FixedState>,
+}
+
+/// Obstacles at an instant.
+#[derive(Debug, Clone)]
+struct Around<S: ObstacleGeometry<D>, const D: usize> {
+    world: World<S, D>,
+    boxes: ObstacleBoxes<D>,
+    /// Their numbers, before they were parted.
+    numbers: Vec<usize>,
+    /// How far they go between two instants at which they are looked for, at most half of it \[m\].
+    slack: f64,
+}
+
+impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
+    fn new(world: World<S, D>, numbers: &[usize], slack: f64) -> Self {
+        Self { boxes: world.boxes(), world, numbers: numbers.to_vec(), slack }
+    }
+
+    /// Obstacles of `world` that move, at the instants at which they are looked for from one time to another \[s\], in a ball around the arm.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at least 1, and few"
+    )]
+    fn passing(
+        world: &World<S, D>,
+        moving: &[usize],
+        [start, end]: [f64; 2],
+        (center, radius): (Vector<D>, f64),
+    ) -> Vec<Self> {
+        let duration = end - start;
+        // Those that are looked for equally often go together, but for what goes too far from one place to the next.
+        let mut groups: Vec<(f64, f64, Vec<usize>)> = vec![];
+        for j in moving {
+            let speed = world.top_speed(*j, [start, end], center, radius);
+            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
+            match groups.iter_mut().find(|group| group.0 == places && places < MAX_PLACES) {
+                Some((_, fastest, group)) => {
+                    *fastest = fastest.max(speed);
+                    group.push(*j);
+                }
+                None => groups.push((places, speed, vec![*j])),
+            }
+        }
+        let places = groups.into_iter().flat_map(|(places, speed, group)| {
+            let stride = duration / places;
+            (0..places as u32).map(move |k| {
+                let mut there = world.only(group.iter().copied());
+                there.update(start + stride * (f64::from(k) + 0.5));
+                Self::new(there, &group, 0.5 * stride * speed)
+            })
+        });
+        places.collect()
+    }
 }
 
 /// Two that must not come too near to each other.
@@ -108,11 +161,6 @@ pub struct Window {
 
 impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Of `robot` in `world`; what moves blocks every place that it passes within `window`; without one it is not there.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at least 1, and few"
-    )]
     pub fn new(
         mut robot: R,
         world: &World<S, D>,
@@ -129,36 +177,21 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             Some(_) => world.rests_at(*j, start),
             None => false,
         });
-        let moving = world.only(others.iter().copied());
         let reach = Levers::new(&mut robot);
-        let (center, radius) = reach.ball();
-        let speed = moving.top_speed(start + duration, center, radius);
-        let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
-        let stride = duration / places;
-        let mut worlds = vec![world.only(standing.iter().copied())];
-        if !moving.is_empty() {
-            for k in 0..places as u32 {
-                let mut there = moving.clone();
-                there.update(start + stride * (f64::from(k) + 0.5));
-                worlds.push(there);
-            }
-        }
-        let with_boxes = |world: World<S, D>| {
-            let boxes = world.boxes();
-            (world, boxes)
-        };
+        let ball @ (_, radius) = reach.ball();
+        let still = Around::new(world.only(standing.iter().copied()), &standing, 0.0);
+        let passing = Around::passing(world, &others, [start, start + duration], ball);
         let n = robot.dof();
         let most_own = world.most_margin();
         let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
             most_share: if most_own > 0.0 { (most_own / asked).max(1.0) } else { 1.0 },
             asked,
+            tilt: None,
             finest: FINEST.min(FINEST_SHARE * radius),
             reach,
             robot,
-            worlds: worlds.into_iter().map(with_boxes).collect(),
-            numbers: [standing, others],
-            slack: 0.5 * stride * speed,
+            worlds: std::iter::once(still).chain(passing).collect(),
             keeps_apart,
             margins: Margins::constant(vec![margin; n], APART),
             limits: vec![f64::INFINITY; n],
@@ -180,11 +213,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Measures links at `q`, each where it is nearer than its limit; ∞ says that it is not. Pairs with a margin of their own are told
     /// by themselves, each with its link and its distance \[m\].
     fn measure(&mut self, q: &[f64], mut own: impl FnMut(usize, PairMargin, f64)) {
-        let Self { robot, worlds, limits, clearance, slack, .. } = self;
+        let Self { robot, worlds, limits, clearance, .. } = self;
         robot.update_positions(q);
         clearance.fill(f64::INFINITY);
-        for (k, (world, boxes)) in worlds.iter_mut().enumerate() {
-            let slack = if k > 0 { *slack } else { 0.0 };
+        for Around { world, boxes, slack, .. } in worlds {
+            let slack = *slack;
             interrupt::checkpoint((32 + world.len()) * robot.body_count());
             for body in robot.bodies() {
                 let link = body.link;
@@ -251,7 +284,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether some pairs have margins of their own.
     pub fn has_own_margins(&self) -> bool {
-        self.worlds.iter().any(|(world, _)| world.most_margin() > 0.0)
+        self.worlds.iter().any(|around| around.world.most_margin() > 0.0)
     }
 
     /// What is certain where a motion was found to keep `margin` \[m\].
@@ -292,28 +325,22 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// What keeps the arm at `q` from being free: the obstacle that is deepest in it, or the pair of its own bodies that is.
     pub fn obstruction(&mut self, q: &[f64]) -> Option<Obstruction> {
-        let Self { robot, worlds, slack, numbers, .. } = self;
+        let Self { robot, worlds, .. } = self;
         robot.update_positions(q);
         let mut worst: Option<(f64, usize, usize, bool)> = None;
-        for (k, (world, _)) in worlds.iter_mut().enumerate() {
-            let (passes, slack) = (k > 0, if k > 0 { *slack } else { 0.0 });
+        for Around { world, numbers, slack, .. } in worlds {
+            let passes = *slack > 0.0; // where the horizon is 0, what moves is taken for standing still
             world.for_each_pair(robot.bodies(), |contact| {
-                let distance = contact.distance - slack;
+                let distance = contact.distance - *slack;
                 if worst.is_none_or(|(least, ..)| distance < least) {
-                    let number = numbers[usize::from(passes)][contact.obstacle];
+                    let number = numbers[contact.obstacle];
                     worst = Some((distance, contact.link, number, passes));
                 }
             });
         }
-        // Where the horizon is 0, what moves is taken for standing still.
         if let Some((distance, link, obstacle, passes)) = worst.filter(|worst| worst.0 <= 0.0) {
             let link = self.robot.link_name(Some(link));
-            return Some(Obstruction::Obstacle {
-                link,
-                obstacle,
-                distance,
-                passes: passes && self.slack > 0.0,
-            });
+            return Some(Obstruction::Obstacle { link, obstacle, distance, passes });
         }
         if !self.keeps_apart {
             return None;
@@ -349,14 +376,24 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         Some((-distance, links.map(|link| self.robot.link_name(link))))
     }
 
-    /// Whether it is and does on the straight motion from `a` to `b`.
+    /// Whether it is and does on the straight motion from `a` to `b`, and the end effector tilts no more than it may.
     pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
+        if let Some(tilt) = &self.tilt
+            && !tilt.is_kept(&mut self.robot, [a, b])
+        {
+            return false;
+        }
         let mut near = std::mem::take(&mut self.near);
         near.clear();
         let blocker = self.blocker_of([a, b], &mut near);
         self.near = near;
         self.blocker = blocker.or(self.blocker);
         blocker.is_none()
+    }
+
+    /// Moves `q` to where the end effector is tilted by no more than it may; whether it is not where it was.
+    pub fn level(&mut self, q: &mut [f64]) -> bool {
+        self.tilt.as_ref().is_some_and(|tilt| tilt.level(&mut self.robot, q))
     }
 
     /// What keeps the motion between two `ends` from being free. Halves of halves are asked, the large ones first: what is hit is hit
@@ -406,15 +443,14 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
     fn look(&mut self, near: Near, half: f64) -> Look {
         let Near { two, body, from, way, bend, drift, share } = near;
-        let Self { robot, worlds, slack, margins, reach, middle, planes, twists, .. } = self;
+        let Self { robot, worlds, margins, reach, middle, planes, twists, .. } = self;
         let body = robot.body(body);
         let drift = drift * half;
         let (keeps, slack, stands) = match two {
             Two::Obstacle { world, .. } => {
-                let moves = world > 0;
-                let slack = if moves { *slack } else { 0.0 };
+                let slack = worlds[world].slack;
                 let keeps = share * margins.at(middle, reach, body.link);
-                (keeps + margins.beyond(body.link), slack, !moves)
+                (keeps + margins.beyond(body.link), slack, slack == 0.0)
             }
             Two::Own(_) => (margins.apart_at(middle, reach), 0.0, true),
         };
@@ -426,7 +462,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let distance = match two {
             Two::Obstacle { world, obstacle, .. } => {
                 interrupt::checkpoint(32);
-                worlds[world].0.at_least(obstacle, &body, limit, plane)
+                worlds[world].world.at_least(obstacle, &body, limit, plane)
             }
             Two::Own(pair) => OwnPair::at_least(robot, pair, limit, plane),
         };
@@ -468,14 +504,13 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             .collect();
         let mut worlds = std::mem::take(&mut self.worlds);
         let mut candidates: Vec<Two> = vec![];
-        for (world, (obstacles, boxes)) in worlds.iter_mut().enumerate() {
-            let slack = if world > 0 { self.slack } else { 0.0 };
+        for (number, Around { world, boxes, slack, .. }) in worlds.iter_mut().enumerate() {
             for body in 0..self.robot.body_count() {
                 let placed = self.robot.body(body);
-                let limit = around[placed.link] + slack;
-                interrupt::checkpoint(32 + obstacles.len());
-                obstacles.for_each_within(boxes, &placed, limit, |_, obstacle| {
-                    candidates.push(Two::Obstacle { body, world, obstacle });
+                let limit = around[placed.link] + *slack;
+                interrupt::checkpoint(32 + world.len());
+                world.for_each_within(boxes, &placed, limit, |_, obstacle| {
+                    candidates.push(Two::Obstacle { body, world: number, obstacle });
                     limit
                 });
             }
@@ -508,7 +543,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let (way, bend) = (self.reach.way(ends, from, to), self.reach.bend(ends, from, to));
         let (drift, share) = match two {
             Two::Obstacle { world, obstacle, .. } => {
-                let margin = self.worlds[world].0.margin_of(obstacle, &self.robot.body(body));
+                let margin = self.worlds[world].world.margin_of(obstacle, &self.robot.body(body));
                 let share = margin.share(self.asked);
                 (share * self.margins.slope() * way, share)
             }

@@ -6,6 +6,8 @@ use super::*;
 /// are enough.
 const SEEDS: [usize; 2] = [64, 512];
 const GOALS: usize = 8;
+/// How often a configuration that reaches a position is righted.
+const RIGHTINGS: usize = 50;
 /// Configurations nearer than this are one goal \[rad\].
 const SAME: f64 = 0.1;
 
@@ -49,7 +51,10 @@ where
                     *q = lower + (upper - lower) * self.noise.share();
                 }
             }
-            let residual = solver.solve(self.space.robot(), &mut q, pose);
+            let mut residual = solver.solve(self.space.robot(), &mut q, pose);
+            if residual.is_reached() {
+                residual = self.solve_upright(&mut solver, &mut q, pose, residual);
+            }
             if !residual.is_reached() {
                 missed.push((residual.size(length), (residual, q)));
                 continue;
@@ -82,6 +87,62 @@ where
         }
         sort_around(&self.start, &mut found);
         Ok(found)
+    }
+
+    /// From a configuration with this `residual` to one near it with the end effector upright, where the pose leaves that open: steps
+    /// that right it and steps to the pose take turns.
+    fn solve_upright(
+        &mut self,
+        solver: &mut Solver<M>,
+        q: &mut Vec<f64>,
+        pose: &S::Pose,
+        mut residual: Residual,
+    ) -> Residual {
+        for _ in 0..RIGHTINGS {
+            let before = self.tilt(q);
+            let Some(tilt) = &self.space.tilt else { break };
+            if before <= tilt.most_at_goal() {
+                break;
+            }
+            let (tilt, mut next) = (tilt.clone(), q.clone());
+            tilt.level(self.space.robot(), &mut next);
+            let there = solver.solve(self.space.robot(), &mut next, pose);
+            if !there.is_reached() || self.tilt(&next) >= before {
+                break;
+            }
+            (*q, residual) = (next, there);
+        }
+        residual
+    }
+
+    /// How far the end effector is tilted at `q` \[rad\]; 0 where that does not matter.
+    pub(super) fn tilt(&mut self, q: &[f64]) -> f64 {
+        let Some(tilt) = &self.space.tilt else { return 0.0 };
+        let tilt = tilt.clone();
+        self.space.robot().update_positions(q);
+        tilt.of(self.space.robot())
+    }
+
+    /// Those goals where the end effector is upright enough.
+    ///
+    /// # Errors
+    /// If there are none, in a sentence.
+    pub(super) fn level(&mut self, mut goals: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>, String> {
+        let Some(tilt) = self.space.tilt.clone() else { return Ok(goals) };
+        let mut least = f64::INFINITY;
+        goals.retain(|q| {
+            let tilted = self.tilt(q);
+            least = least.min(tilted);
+            tilted <= tilt.most_at_goal()
+        });
+        if goals.is_empty() { Err(too_tilted(least, tilt.most_at_goal())) } else { Ok(goals) }
+    }
+
+    /// Begins a search with what may be tilted at its ends.
+    pub(super) fn search_tilts(&mut self, goals: &[Vec<f64>]) {
+        let Some(mut tilt) = self.space.tilt.take() else { return };
+        tilt.search(self.space.robot(), std::iter::once(&self.start).chain(goals));
+        self.space.tilt = Some(tilt);
     }
 
     /// Turns joints without limits by full turns until they are as near to the start as that brings them.

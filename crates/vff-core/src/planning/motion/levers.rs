@@ -1,7 +1,8 @@
 //! How far the joints of an arm carry its links.
 
 use crate::math::{Capsule, Vector, in_space};
-use crate::robot::{PlanarState, Robot, SpatialState};
+use crate::robot::{Manipulator, PlanarState, Robot, SpatialState};
+use nalgebra::Matrix3;
 
 /// What a planner asks of an arm beyond the operators of the law.
 ///
@@ -21,6 +22,10 @@ pub trait Jointed<const D: usize>: Robot<D> {
     fn joint_axis(&self, i: usize) -> Vector<3>;
     /// Whether joint `i` slides.
     fn slides(&self, i: usize) -> bool;
+    /// The axes of the end effector in the world, one per column; in the plane those in space that turn with it.
+    fn tip_axes(&self) -> Matrix3<f64>;
+    /// The unit vector against gravity; z where there is none, x in the plane, where all that matters is how far it turns.
+    fn vertical(&self) -> Vector<3>;
     /// What people call joint `i`.
     fn joint_name(&self, i: usize) -> String;
     /// What people call a link; None is the base.
@@ -38,6 +43,15 @@ impl Jointed<2> for PlanarState {
 
     fn slides(&self, _: usize) -> bool {
         false
+    }
+
+    fn tip_axes(&self) -> Matrix3<f64> {
+        let (y, x) = Manipulator::<2, 3>::pose(self).0.z.sin_cos();
+        Matrix3::new(x, -y, 0.0, y, x, 0.0, 0.0, 0.0, 1.0)
+    }
+
+    fn vertical(&self) -> Vector<3> {
+        Vector::<3>::x()
     }
 
     fn joint_name(&self, i: usize) -> String {
@@ -60,6 +74,14 @@ impl Jointed<3> for SpatialState {
 
     fn slides(&self, i: usize) -> bool {
         Self::slides(self, i)
+    }
+
+    fn tip_axes(&self) -> Matrix3<f64> {
+        self.orientation().matrix()
+    }
+
+    fn vertical(&self) -> Vector<3> {
+        (-self.arm().gravity()).try_normalize(0.0).unwrap_or_else(Vector::<3>::z)
     }
 
     fn joint_name(&self, i: usize) -> String {
@@ -194,7 +216,7 @@ impl Levers {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::robot::description::JointKind;
     use crate::robot::models;
@@ -202,7 +224,7 @@ mod tests {
     use std::sync::Arc;
 
     /// An arm in space with a joint that slides, and joints that turn about any axis of their links: a Panda on a lift, changed.
-    fn lifted() -> SpatialState {
+    pub fn lifted() -> SpatialState {
         let mut panda = models::named("panda").unwrap();
         panda.joints[1].axis = [0.0, 1.0, 0.0];
         panda.joints[3].axis = [-0.6, 0.0, 0.8];

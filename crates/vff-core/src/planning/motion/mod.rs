@@ -10,12 +10,14 @@ mod levers;
 mod margins;
 mod plan;
 mod planner;
+mod report;
+mod tilt;
 mod time_law;
 mod tree;
 mod why;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
-use crate::control::SelfCollision;
+use crate::control::{CommandSettings, Gravity, SelfCollision};
 use crate::interrupt;
 use crate::inverse_kinematics::{Residual, Solver};
 use crate::math::Noise;
@@ -39,8 +41,9 @@ use planner::{Planner, STREAM};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::sync::Arc;
+use tilt::Tilt;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
-use why::{beyond, length, too_far};
+use why::{beyond, length, too_far, too_tilted};
 
 /// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.
 const FARTHEST: f64 = 100.0;
@@ -82,7 +85,8 @@ pub fn plan(scenario: &Scenario, settings: &PlanSettings) -> Result<Plan, Scenar
 }
 
 fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
-    for (path, given) in [("start", &settings.start), ("goal", &settings.goal)] {
+    let PlanSettings { start, goal, upright, .. } = settings;
+    for (path, given) in [("start", start), ("goal", goal), ("upright", upright)] {
         if let Some(given) = given {
             numbers_of(path, given.len(), n)?;
             near_enough(path, given)?;
@@ -94,6 +98,10 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
     if let Some(horizon) = settings.horizon {
         number("horizon", horizon, &NOT_NEGATIVE)?;
         number("horizon", horizon, &FINITE)?;
+    }
+    if let Some(tilt) = settings.tilt {
+        number("tilt", tilt, &POSITIVE)?;
+        number("tilt", tilt, &FINITE)?;
     }
     number("speed", settings.speed, &POSITIVE)?;
     if settings.paths == 0 {
@@ -149,8 +157,8 @@ where
     let mut world = World::new(scene.obstacles.clone());
     hide_unseen(&mut world, &scenario.contacts);
     world.know_links(&arm.link_names());
-    let usual = scenario.controller.yielding.margin;
-    Task::<S, D, M> { arm, world, keeps_apart, usual, goal, start }.plan(settings)
+    let command = scenario.controller.command.clone();
+    Task::<S, D, M> { arm, world, keeps_apart, command, goal, start }.plan(settings)
 }
 
 /// A joint that slides needs an end, as random configurations are between its ends.
@@ -183,8 +191,8 @@ pub(super) struct Task<S: System<D, M>, const D: usize, const M: usize> {
     pub world: World<S::Geometry, D>,
     /// Whether bodies of the arm must not touch each other.
     pub keeps_apart: bool,
-    /// What the law keeps from obstacles \[m\].
-    pub usual: f64,
+    /// What the law that will follow sends to the robot.
+    pub command: CommandSettings,
     pub goal: Goal<S::Pose>,
     /// Where the joints are \[rad or m\].
     pub start: Vec<f64>,
@@ -199,15 +207,18 @@ where
     /// # Errors
     /// If limits make it take too long.
     pub fn plan(&self, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
-        let Self { arm, world, keeps_apart, usual, goal, start } = self;
+        let Self { arm, world, keeps_apart, command, goal, start } = self;
         let PlanSettings { time, horizon, margin, .. } = *settings;
         let window = Some(Window { start: time, duration: horizon });
+        let mut space = FreeSpace::new(arm.state(), world, window, *keeps_apart, margin);
+        let upright = settings.upright.as_ref().unwrap_or(start);
+        space.tilt = settings.tilt.map(|most| Tilt::new(space.robot(), upright, most));
         let mut planner = Planner::<S, D, M> {
-            space: FreeSpace::new(arm.state(), world, window, *keeps_apart, margin),
+            space,
             arm: Arc::clone(arm),
             settings,
-            usual: *usual,
             start: start.clone(),
+            command,
             noise: Noise::new(settings.seed, STREAM),
         };
         planner.plan(goal)

@@ -15,6 +15,11 @@ pub struct PlanSettings {
     /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0; None leaves out those
     /// that move at its beginning.
     pub horizon: Option<f64>,
+    /// How far the end effector may tilt from how it stands at the start \[rad\], > 0, whichever way it turns about the vertical; in the plane
+    /// how far it may turn. None: that does not matter.
+    pub tilt: Option<f64>,
+    /// Where it stands upright, if that is not the start \[rad\].
+    pub upright: Option<Vec<f64>>,
     /// The share of the limits of speed and acceleration that is used, in (0, 1].
     pub speed: f64,
     /// How many random configurations are tried.
@@ -33,6 +38,8 @@ impl Default for PlanSettings {
             time: 0.0,
             margin: 0.02,
             horizon: Some(1.0),
+            tilt: None,
+            upright: None,
             speed: 0.5,
             samples: 20_000,
             paths: 4,
@@ -107,8 +114,13 @@ pub struct Plan {
     /// share was kept.
     pub margin: f64,
     /// What each link is certain to keep between each instant and the next: the smaller of both \[m\], one instant after the
-    /// other; none if nothing was found. Of a margin of a pair's own it keeps the share that this is of `yielding.margin`.
+    /// other; none if nothing was found.
     pub margins: Vec<f64>,
+    /// The same of margins of their own, as a share of each that is 1 at most; none where no pair has one.
+    pub shares: Vec<f64>,
+    /// How far the end effector tilts at most where it is looked at between instants \[rad\]; None where that does not matter, or nothing was
+    /// found.
+    pub tilt: Option<f64>,
     /// What is left to a goal \[rad\]; of one out of reach \[m\]; 0 if it was found.
     pub gap: f64,
     /// How many random configurations were tried.

@@ -20,25 +20,27 @@ const MOST_KEPT: f64 = 0.3;
 const INSETS: [f64; 6] = [0.0, 1e-6, 1e-5, 5e-5, 2e-4, 1e-3];
 /// Share of the torque limits that a plan uses: the rest is for reacting.
 pub(super) const TORQUE: f64 = 0.8;
+/// Halvings in the search for how much slower.
+const HALVINGS: usize = 40;
 /// Time between two configurations of a plan \[s\], and how often it is halved.
 const STEP: f64 = 0.04;
 const REFINEMENTS: u32 = 3;
 /// Instants per knot at which torques are checked.
-const CHECKS: u32 = 4;
+pub(super) const CHECKS: u32 = 4;
 
 /// A search under way.
 pub(super) struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
     pub arm: Arc<S::Arm>,
     pub space: FreeSpace<S::State, S::Geometry, D>,
     pub settings: &'a PlanSettings,
-    /// What the law keeps from obstacles \[m\].
-    pub usual: f64,
     pub start: Vec<f64>,
+    /// What the law that will follow sends to the robot.
+    pub command: &'a CommandSettings,
     pub noise: Noise,
 }
 
-/// A motion, and what each link is certain to keep at its knots \[m\].
-type Certified = (JointSpline, Vec<Vec<f64>>);
+/// A motion, and what each link is certain to keep at its knots \[m\], and of margins of their own.
+pub(super) type Certified = (JointSpline, [Vec<Vec<f64>>; 2]);
 
 /// The range of joint `i`, infinite where it has no limits.
 pub(in crate::planning) fn ranges_of(limits: &Limits, i: usize) -> [f64; 2] {
@@ -58,6 +60,21 @@ fn touching(clearance: f64) -> (PlanStatus, String) {
         "there is a motion, and it goes {depth} into something; a margin that is not 0, or another seed, may help"
     );
     (PlanStatus::NotFound, why)
+}
+
+/// How many times as long a motion has to take so that a torque with these changes, of motion and of gravity, keeps a limit of how fast it
+/// changes, `least` or more: in s times the time the one is 1/s³, the other 1/s \[N·m/s\].
+fn slower([motion, gravity]: [f64; 2], limit: f64, least: f64) -> f64 {
+    let change = |s: f64| motion / (s * s * s) + gravity / s;
+    if change(least) <= limit {
+        return least;
+    }
+    let (mut low, mut high) = (least, (motion + gravity) / limit);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if change(middle) <= limit { high = middle } else { low = middle }
+    }
+    high
 }
 
 /// Which number makes a motion along `path` take this long \[s\].
@@ -104,6 +121,7 @@ where
             })
         };
         let first = self.end(&start);
+        self.search_tilts(&[]);
         let nothing = |status, message, gap, margin| Plan {
             status,
             message,
@@ -114,6 +132,8 @@ where
             clearance: first.clearance,
             margin,
             margins: vec![],
+            shares: vec![],
+            tilt: None,
             gap,
             samples: 0,
             nodes: 0,
@@ -142,6 +162,11 @@ where
                 return Ok(nothing(PlanStatus::GoalOutOfReach, why, gap, asked));
             }
         };
+        let candidates = match self.level(candidates) {
+            Ok(candidates) => candidates,
+            Err(why) => return Ok(nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0)),
+        };
+        self.search_tilts(&candidates);
         let mut goals: Vec<End> = candidates.iter().map(|q| self.end(q)).collect();
         // A candidate that touches the arm itself has no room that counts, however far it is from everything else.
         let roomiest = goals.iter().max_by(|a, b| {
@@ -180,6 +205,7 @@ where
             }
             let margins = &ladder[k.min(last)];
             self.space.margins.clone_from(margins);
+            self.search_tilts(&roots);
             let is_trial = k < last;
             let [samples, patience] = if is_trial {
                 [self.settings.samples / TRIAL, PATIENCE]
@@ -211,6 +237,7 @@ where
                 continue;
             };
             self.space.margins.shares = ROUNDED;
+            self.space.tilt.iter_mut().for_each(Tilt::round);
             let (mut status, mut why) = (PlanStatus::NotFound, String::new());
             for found in &found {
                 match self.timed(&found.path, &limits)? {
@@ -311,6 +338,13 @@ where
             speed: or(&limits.velocity, MAX_SPEED),
             acceleration: or(&[], MAX_ACCELERATION[D - 2]),
             torque: limits.torque.iter().map(|most| TORQUE * most).collect(),
+            rate: self
+                .command
+                .torque_rate
+                .as_ref()
+                .map_or(vec![], |rate| (0..n).map(|i| share * rate.get(i)).collect()),
+            tip: [self.command.tip_speed, self.command.tip_angular_speed]
+                .map(|most| most.map_or(f64::INFINITY, |most| share * most)),
         };
         let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
             Ok(law) => law,
@@ -334,8 +368,11 @@ where
                 curve.at(law.at(law.duration() * share), &mut state);
                 points.push(state[0].clone());
             }
-            // To the last bit.
+            // To the last bit, of a motion that leads nowhere everywhere.
             let last = points.len() - 1;
+            if path.iter().all(|corner| *corner == path[0]) {
+                points.fill(path[0].clone());
+            }
             points[0].clone_from(&path[0]);
             points[last].clone_from(&path[path.len() - 1]);
             // Knots follow the law within the limits, not the spline between them: stretched until that keeps its limits, too,
@@ -365,8 +402,8 @@ where
                             *q = q.max(lower + inset).min(upper - inset);
                         }
                     }
-                } else if let Some(margins) = self.kept_along(&spline) {
-                    return Ok(Ok((spline, margins)));
+                } else if let Some(kept) = self.kept_along(&spline) {
+                    return Ok(Ok((spline, kept)));
                 } else {
                     break;
                 }
@@ -375,8 +412,8 @@ where
         Ok(Err(too_tight()))
     }
 
-    /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed: torques at
-    /// samples, the others anywhere.
+    /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed: torques and the tip's speeds at
+    /// samples, the others anywhere. Or the square of how much longer it has to take to keep a limit of how fast torques change.
     fn excess(&mut self, spline: &JointSpline, peaks: &Peaks, bounds: &Bounds, knots: u32) -> f64 {
         let n = self.start.len();
         let mut state = [0; 3].map(|_| vec![0.0; n]);
@@ -384,10 +421,14 @@ where
         let speeds = peaks.speeds.iter().zip(&bounds.speed).map(|(v, most)| (v / most).powi(2));
         let pulls = peaks.accelerations.iter().zip(&bounds.acceleration).map(|(a, most)| a / most);
         let mut most = speeds.chain(pulls).fold(0.0, f64::max);
-        let checks = if bounds.torque.is_empty() { 0 } else { CHECKS * knots };
+        let has_tip = bounds.tip.iter().any(|limit| limit.is_finite());
+        let is_checked = has_tip || !bounds.torque.is_empty() || !bounds.rate.is_empty();
+        let checks = if is_checked { CHECKS * knots } else { 0 };
+        let adds_gravity = self.command.gravity == Gravity::Controller;
+        let [_, end] = spline.span();
+        let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
         for k in 0..checks {
             interrupt::checkpoint(64 * n);
-            let [_, end] = spline.span();
             let t = end * f64::from(k) / f64::from(checks);
             spline.at(t, state.each_mut().map(Vec::as_mut_slice));
             let [q, dq, ddq] = &state;
@@ -397,19 +438,36 @@ where
             for (tau, limit) in torque.iter().zip(&bounds.torque) {
                 most = most.max(tau.abs() / limit);
             }
+            if has_tip {
+                let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
+                let over = goes.into_iter().zip(bounds.tip).map(|(v, most)| (v / most).powi(2));
+                most = over.fold(most, f64::max);
+            }
+            if !bounds.rate.is_empty() {
+                robot.gravity_torque(&mut gravity);
+                for (i, limit) in bounds.rate.iter().enumerate() {
+                    let now = [torque[i] - gravity[i], if adds_gravity { gravity[i] } else { 0.0 }];
+                    let step = f64::from(checks) / end;
+                    let change = [0, 1].map(|part| (now[part] - before[i][part]).abs() * step);
+                    before[i] = now;
+                    if k > 0 {
+                        longer = longer.max(slower(change, *limit, longer));
+                    }
+                }
+            }
         }
-        most
+        most.max(longer * longer)
     }
 
     /// What each link is certain to keep between each knot and the next, the smaller of what is said at both \[m\], one row
-    /// for each knot; none where `spline` is not free.
-    fn kept_along(&mut self, spline: &JointSpline) -> Option<Vec<Vec<f64>>> {
+    /// for each knot, and which share of margins of their own; none where `spline` is not free.
+    fn kept_along(&mut self, spline: &JointSpline) -> Option<[Vec<Vec<f64>>; 2]> {
         let n = self.start.len();
         let rest = vec![0.0; n];
         let mut states = [[0; 3].map(|_| vec![0.0; n]), [0; 3].map(|_| vec![0.0; n])];
         let mut middle = [0; 3].map(|_| vec![0.0; n]);
         let margins = self.space.margins.clone();
-        let mut pieces: Vec<Vec<f64>> = vec![];
+        let mut pieces: [Vec<Vec<f64>>; 2] = [vec![], vec![]];
         let times = spline.times().to_vec();
         spline.at(times[0], states[1].each_mut().map(Vec::as_mut_slice));
         for pair in times.windows(2) {
@@ -422,6 +480,7 @@ where
             let bulge: Vec<f64> = (0..n)
                 .map(|i| first[i].abs().max(second[i].abs()) * (0.5 * h).powi(2) / 8.0)
                 .collect();
+            let turns = bulge.iter().sum();
             let bulges: Vec<f64> =
                 (0..n).map(|link| self.space.way([&rest, &bulge], link)).collect();
             let kept: Vec<f64> = (0..n)
@@ -432,8 +491,10 @@ where
             let bulge = bulges.iter().copied().fold(0.0, f64::max);
             self.space.margins =
                 Margins::constant(kept.clone(), at_a.min(at_b) + bulge).and_beyond(bulges.clone());
+            self.space.tilt.iter_mut().for_each(|tilt| tilt.and_beyond(turns));
             let is_free = self.space.is_free_between(a, &middle[0])
                 && self.space.is_free_between(&middle[0], b);
+            self.space.tilt.iter_mut().for_each(|tilt| tilt.and_beyond(0.0));
             self.space.margins.clone_from(&margins);
             if !is_free {
                 return None;
@@ -444,138 +505,29 @@ where
                 self.space.usual_room_within(&middle[0], MOST_KEPT, |link, margin, distance| {
                     own.push((link, margin, distance));
                 });
-            let (space, usual) = (&self.space, self.usual);
-            let least = (0..n).map(|link| {
+            let space = &self.space;
+            let certain = |link: usize, kept: f64, measured: f64| {
                 let way = [a, b].map(|end| space.way([&middle[0], end], link));
-                let certain = |kept: f64, measured: f64| {
-                    let measured = measured - way[0].max(way[1]);
-                    (space.certain(kept + bulges[link]).max(measured) - bulges[link]).max(0.0)
-                };
-                // Whoever follows keeps the share of it that a margin of its own is of what is usual there.
-                let own = own.iter().filter(|(of, ..)| *of == link).map(|(_, margin, distance)| {
-                    let kept = margin.share(space.asked) * kept[link];
-                    certain(kept, *distance) / margin.share(usual)
-                });
-                own.fold(certain(kept[link], room[link].min(MOST_KEPT)), f64::min)
-            });
-            pieces.push(least.collect());
-        }
-        let last = pieces.len();
-        let at = |k: usize| {
-            let (before, after) = (&pieces[k.saturating_sub(1)], &pieces[k.min(last - 1)]);
-            before.iter().zip(after).map(|(a, b)| a.min(*b)).collect()
-        };
-        Some((0..=last).map(at).collect())
-    }
-
-    fn finished(
-        &mut self,
-        (spline, margins): Certified,
-        found: &tree::Found,
-        asked: &Margins,
-    ) -> Plan {
-        let n = self.start.len();
-        let mut state = [0; 3].map(|_| vec![0.0; n]);
-        let mut plan = Plan {
-            status: PlanStatus::Found,
-            message: String::new(),
-            times: spline.times().to_vec(),
-            q: vec![],
-            dq: vec![],
-            ddq: vec![],
-            clearance: f64::INFINITY,
-            margin: [spline.first(), spline.last()]
-                .into_iter()
-                .filter_map(|end| asked.lowered_at(end))
-                .chain(asked.far.iter().copied())
-                .fold(f64::INFINITY, f64::min),
-            margins: margins.concat(),
-            gap: 0.0,
-            samples: found.samples,
-            nodes: found.nodes,
-        };
-        for t in spline.times() {
-            spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
-            // Its knots are within the limits but for rounding.
-            plan.q.extend(state[0].iter().enumerate().map(|(i, q)| {
-                let [lower, upper] = ranges_of(self.arm.limits(), i);
-                q.clamp(lower, upper)
-            }));
-            plan.dq.extend_from_slice(&state[1]);
-            plan.ddq.extend_from_slice(&state[2]);
-        }
-        let mut through: Option<(f64, [String; 2], f64)> = None;
-        for pair in spline.times().windows(2) {
-            for k in 0..=2 * CHECKS {
-                let share = f64::from(k) / f64::from(2 * CHECKS);
-                let t = pair[0] + share * (pair[1] - pair[0]);
-                spline.at(t, state.each_mut().map(Vec::as_mut_slice));
-                let nearer = self.space.clearance_within(&state[0], plan.clearance);
-                plan.clearance = plan.clearance.min(nearer);
-                if let Some((depth, links)) = self.space.passed_through(&state[0])
-                    && through.as_ref().is_none_or(|(most, ..)| depth > *most)
-                {
-                    through = Some((depth, links, t));
-                }
-            }
-        }
-        plan.message = format!("a motion of {:.3} s", spline.span()[1]);
-        if plan.clearance.is_finite() {
-            let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
-        }
-        plan.message += &self.lowered(&spline, asked);
-        if let Some((depth, [a, b], t)) = through {
-            let _ = write!(
-                plan.message,
-                "; it takes {a} {:.1} mm into {b} at {t:.2} s, which `controller.self_collision = \"avoid\"` forbids",
-                1e3 * depth,
-            );
-        }
-        plan
-    }
-
-    /// Where less than the margin is kept, as the end of a sentence.
-    fn lowered(&mut self, spline: &JointSpline, asked: &Margins) -> String {
-        let most = self.space.asked;
-        let differ = self.space.has_own_margins();
-        let of = |kept: f64| {
-            if differ {
-                format!("{:.0} %", 100.0 * kept / most)
-            } else {
-                format!("{:.1} mm", 1e3 * kept)
-            }
-        };
-        let ends = [("start", spline.first()), ("goal", spline.last())];
-        let mut told: Vec<String> = ends
-            .into_iter()
-            .filter_map(|(place, q)| Some((place, asked.lowered_at(q)?)))
-            .map(|(place, kept)| format!("{} at the {place}", of(kept)))
-            .collect();
-        let least = (0..asked.far.len()).min_by(|a, b| asked.far[*a].total_cmp(&asked.far[*b]));
-        if let Some(link) = least.filter(|link| asked.far[*link] < most) {
-            let (name, kept) = (self.space.robot().link_name(Some(link)), asked.far[link]);
-            told.push(format!("{} by {name} all the way", of(kept)));
-        }
-        let mut sentence = String::new();
-        if !told.is_empty() {
-            let told = told.join(", ");
-            let margin = if differ {
-                "margins".to_owned()
-            } else {
-                format!("margin of {:.1} mm", 1e3 * most)
+                let measured = measured - way[0].max(way[1]);
+                (space.certain(kept + bulges[link]).max(measured) - bulges[link]).max(0.0)
             };
-            let _ = write!(sentence, "; less than the {margin} is kept: {told}");
-        }
-        for (place, q) in ends {
-            if let Some(kept) = asked.apart_lowered_at(q) {
-                let _ = write!(
-                    sentence,
-                    "; bodies of the arm keep {:.2} mm from each other at the {place}, elsewhere {:.0} mm",
-                    1e3 * kept,
-                    1e3 * APART,
-                );
+            let usual = (0..n).map(|link| certain(link, kept[link], room[link].min(MOST_KEPT)));
+            pieces[0].push(usual.collect());
+            let mut shares = vec![1.0_f64; n];
+            for (link, margin, distance) in own {
+                let kept = margin.share(space.asked) * kept[link];
+                let share = certain(link, kept, distance) / margin.or(f64::INFINITY);
+                shares[link] = shares[link].min(share);
             }
+            pieces[1].push(shares);
         }
-        sentence
+        Some(pieces.map(|pieces| {
+            let last = pieces.len();
+            let at = |k: usize| {
+                let (before, after) = (&pieces[k.saturating_sub(1)], &pieces[k.min(last - 1)]);
+                before.iter().zip(after).map(|(a, b)| a.min(*b)).collect()
+            };
+            (0..=last).map(at).collect()
+        }))
     }
 }

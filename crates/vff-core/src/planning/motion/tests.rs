@@ -493,3 +493,61 @@ fn certified_of(arm: &Arc<SpatialArm>, scenario: &Scenario, motions: u32) {
     }
     assert!(free.min(blocked) > motions / 10, "{free} {blocked}");
 }
+
+/// A hand that is to stay upright does, at every sample, wherever it has to go: over a wall, to a position alone, and in the plane, where it
+/// keeps its angle. What cannot is said.
+#[cfg(feature = "models")]
+#[test]
+fn what_is_carried_stays_upright() {
+    let text = r#"
+        duration = 4.0
+        q0 = [0.6, 0.2, 0.0, -2.2, 0.0, 2.4, 0.8]
+        arm = { model = "panda" }
+        reference = { kind = "setpoint", point = [0.45, -0.35, 0.3] }
+        [controller]
+        task = "position"
+        [[obstacles]]
+        shape = { kind = "box", size = [0.5, 0.1, 0.5] }
+        position = [0.6, 0.0, 0.25]
+    "#;
+    let scenario = Scenario::from_toml(text).unwrap();
+    let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
+    let arm = Space::arm(&scene.arm).unwrap();
+    let arm = Arc::new(arm);
+    let tilt_of = |plan: &Plan| {
+        let axis = |q: &[f64]| arm.pose(q).1.matrix().tr_mul(&crate::math::Vector::<3>::z());
+        let upright = axis(&scenario.q0);
+        let mut worst: f64 = 0.0;
+        along(plan, |_, [q, ..]| worst = worst.max(axis(q).dot(&upright).clamp(-1.0, 1.0).acos()));
+        worst
+    };
+    let free = found(&scenario, &PlanSettings::default());
+    assert!(tilt_of(&free) > 0.4, "{}", tilt_of(&free));
+    assert_eq!(free.tilt, None);
+    for tilt in [0.3, 0.1, 0.03] {
+        let settings = PlanSettings { tilt: Some(tilt), paths: 1, ..PlanSettings::default() };
+        let upright = found(&scenario, &settings);
+        let seen = tilt_of(&upright);
+        assert!(seen <= tilt, "{seen} of {tilt}");
+        assert!((upright.tilt.unwrap() - seen).abs() < 0.02 * tilt, "{:?} {seen}", upright.tilt);
+        assert!(
+            upright.clearance > 0.0 && upright.message.contains("tilts up to"),
+            "{}",
+            upright.message
+        );
+        assert_eq!(upright, plan(&scenario, &settings).unwrap());
+    }
+    let goal = Some(vec![0.6, 0.2, 0.0, -2.2, 0.0, 1.9, 0.8]);
+    let settings = PlanSettings { goal, tilt: Some(0.3), ..PlanSettings::default() };
+    let blocked = plan(&scenario, &settings).unwrap();
+    assert_eq!(blocked.status, PlanStatus::GoalBlocked);
+    assert!(
+        blocked.message.contains("is tilted by 28.65°, and may be by 16.67°"),
+        "{}",
+        blocked.message
+    );
+    for tilt in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let settings = PlanSettings { tilt: Some(tilt), ..PlanSettings::default() };
+        assert!(plan(&scenario, &settings).unwrap_err().to_string().starts_with("tilt"));
+    }
+}

@@ -31,6 +31,10 @@ pub struct Bounds {
     pub acceleration: Vec<f64>,
     /// Torques and forces, gravity included \[N·m, N\]; empty for any.
     pub torque: Vec<f64>,
+    /// How fast these change \[N·m/s, N/s\], as far as they are sent: the curve is followed more slowly throughout. Empty for any.
+    pub rate: Vec<f64>,
+    /// How fast the end effector goes \[m/s\], and turns \[rad/s\].
+    pub tip: [f64; 2],
 }
 
 /// Why a curve cannot be followed.
@@ -87,10 +91,16 @@ fn rows<R: Robot<D>, const D: usize>(
             most = most.min((bounds.speed[i] / along).powi(2));
         }
     }
+    robot.update(q, first);
+    let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
+    for (goes, limit) in goes.into_iter().zip(bounds.tip) {
+        if limit.is_finite() && goes > 0.0 {
+            most = most.min((limit / goes).powi(2));
+        }
+    }
     if !bounds.torque.is_empty() {
         let mut parts = [0; 4].map(|_| vec![0.0; n]);
         let [along, bend, turning, rest] = &mut parts;
-        robot.update(q, first);
         robot.mass_mul(first, along);
         robot.mass_mul(second, bend);
         robot.coriolis_mul(first, turning);

@@ -17,6 +17,8 @@ const NARROW: usize = 50;
 const FINER: f64 = 3.0;
 /// The most configurations of both trees: what is not found with so many is given up.
 const MAX_NODES: usize = 1 << 20;
+/// Where the end effector is kept upright, an edge has to come nearer to where it leads by so much of what it would come straight.
+const LEAST: f64 = 0.1;
 /// Two configurations nearer than this are one \[rad, m\].
 const SAME: f64 = 1e-9;
 
@@ -84,16 +86,19 @@ impl Tree {
         }
         let mut share = (STEP / whole).min(1.0);
         for _ in 0..=HALVINGS {
-            let to: Vec<f64> = if share < 1.0 {
+            let mut to: Vec<f64> = if share < 1.0 {
                 from.iter().zip(q).map(|(a, b)| a + share * (b - a)).collect()
             } else {
                 q.to_vec()
             };
-            if space.is_free_between(&from, &to) {
+            let is_moved = space.level(&mut to);
+            let is_nearer = !is_moved || distance(&to, q) < whole * (1.0 - LEAST * share);
+            if is_nearer && space.is_free_between(&from, &to) {
                 self.nodes.push(to);
                 self.parents.push(node);
                 let new = self.nodes.len() - 1;
-                return if share < 1.0 { Step::Nearer(new) } else { Step::Reached(new) };
+                let reached = share == 1.0 && !is_moved;
+                return if reached { Step::Reached(new) } else { Step::Nearer(new) };
             }
             share *= 0.5;
         }
@@ -252,6 +257,16 @@ pub fn shorten<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         }
         if space.is_free_between(&a, &b) {
             path.splice(first + 1..=last, [a, b]);
+            continue;
+        }
+        // Where the end effector is kept upright, hardly any way is straight.
+        let mut middle: Vec<f64> = a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)).collect();
+        if space.level(&mut middle)
+            && distance(&a, &middle) + distance(&middle, &b) < 0.99 * (at[1] - at[0])
+            && space.is_free_between(&a, &middle)
+            && space.is_free_between(&middle, &b)
+        {
+            path.splice(first + 1..=last, [a, middle, b]);
         }
     }
 }

@@ -31,6 +31,15 @@ pub fn too_far(gap: f64) -> String {
     )
 }
 
+/// Why a goal is of no use at which the end effector is tilted by `tilt`, of at most so much \[rad\].
+pub fn too_tilted(tilt: f64, most: f64) -> String {
+    let [tilt, most] = [tilt, most].map(f64::to_degrees);
+    format!(
+        "at the goal the end effector is tilted by {tilt:.2}°, and may be by {most:.2}°; a goal where it is upright, or a greater \
+         tilt, helps",
+    )
+}
+
 impl Obstruction {
     /// How far they are from each other \[m\].
     pub fn distance(&self) -> f64 {

@@ -101,7 +101,8 @@ fn what_moves_is_foreseen() {
     let world = |since: f64| PlanarWorld::new(vec![disc(tip - velocity * since, velocity)]);
     let least = |world: &PlanarWorld, horizon: f64| {
         let settings = ReplanSettings { horizon, ..ReplanSettings::default() };
-        let mut ahead = Ahead::<Plane, 2, 2>::new(closed_loop.arm().state(), world, 0.02);
+        let law = crate::control::Settings::default();
+        let mut ahead = Ahead::<Plane, 2, 2>::new(closed_loop.arm().state(), world);
         let look = |k: u32| {
             let t = 1e-3 * f64::from(k);
             let (q, error) = (&[0.2, 0.3, 0.3, 0.3], &Vector::zeros());
@@ -114,6 +115,7 @@ fn what_moves_is_foreseen() {
                 error,
                 reference,
                 world,
+                law: &law,
             };
             ahead.look(&moment, &settings, 0.0)
         };

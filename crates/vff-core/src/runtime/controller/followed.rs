@@ -265,8 +265,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         }
         let Self { trajectory, replanning: Some(replanning), .. } = self else { return };
         let q = controller.robot().configuration();
-        let posture = &controller.gains().posture;
-        let moment = Moment { t, since, pace, q, posture, error, reference: trajectory, world };
+        let (law, reference) = (controller.gains(), &*trajectory);
+        let posture = &law.posture;
+        let moment = Moment { t, since, pace, q, posture, error, reference, world, law };
         if let Some(found) = replanning.look(&moment) {
             *trajectory = found;
         }

@@ -48,6 +48,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             error: &controller.followed_error(),
             reference: trajectory,
             world,
+            law: controller.gains(),
         });
         if let Some(trajectory) = found {
             self.follow(&trajectory);

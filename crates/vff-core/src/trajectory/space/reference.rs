@@ -150,6 +150,9 @@ pub enum SpatialReference {
         /// is known to be there, and barriers keep no more. Default: they keep `yielding.margin`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         margins: Option<Vec<Vec<f64>>>,
+        /// Which share of obstacles' own margins is kept there, one number per link, in \[0, 1\]. Default: all.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shares: Option<Vec<Vec<f64>>>,
     },
 }
 
@@ -173,8 +176,9 @@ impl SpatialReference {
     /// The knots of the plan that it is, if it is one.
     pub(crate) fn plan(&self) -> Option<Knots<'_>> {
         match self {
-            Self::Plan { times, points, margins } => {
-                Some(Knots { times, points, margins: margins.as_deref() })
+            Self::Plan { times, points, margins, shares } => {
+                let [margins, shares] = [margins, shares].map(Option::as_deref);
+                Some(Knots { times, points, margins, shares })
             }
             _ => None,
         }

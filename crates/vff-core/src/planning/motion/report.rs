@@ -1,0 +1,129 @@
+//! What is said of a motion that was found.
+
+use super::planner::{CHECKS, Certified, Planner};
+use super::*;
+
+impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
+where
+    S::State: Jointed<D>,
+{
+    /// The plan, with a sentence of what it keeps.
+    pub(super) fn finished(
+        &mut self,
+        (spline, [margins, shares]): Certified,
+        found: &tree::Found,
+        asked: &Margins,
+    ) -> Plan {
+        let n = self.start.len();
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        let mut plan = Plan {
+            status: PlanStatus::Found,
+            message: String::new(),
+            times: spline.times().to_vec(),
+            q: vec![],
+            dq: vec![],
+            ddq: vec![],
+            clearance: f64::INFINITY,
+            margin: [spline.first(), spline.last()]
+                .into_iter()
+                .filter_map(|end| asked.lowered_at(end))
+                .chain(asked.far.iter().copied())
+                .fold(f64::INFINITY, f64::min),
+            margins: margins.concat(),
+            shares: if self.space.has_own_margins() { shares.concat() } else { vec![] },
+            tilt: self.space.tilt.as_ref().map(|_| 0.0),
+            gap: 0.0,
+            samples: found.samples,
+            nodes: found.nodes,
+        };
+        for t in spline.times() {
+            spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
+            // Its knots are within the limits but for rounding.
+            plan.q.extend(state[0].iter().enumerate().map(|(i, q)| {
+                let [lower, upper] = ranges_of(self.arm.limits(), i);
+                q.clamp(lower, upper)
+            }));
+            plan.dq.extend_from_slice(&state[1]);
+            plan.ddq.extend_from_slice(&state[2]);
+        }
+        let mut through: Option<(f64, [String; 2], f64)> = None;
+        for pair in spline.times().windows(2) {
+            for k in 0..=2 * CHECKS {
+                let share = f64::from(k) / f64::from(2 * CHECKS);
+                let t = pair[0] + share * (pair[1] - pair[0]);
+                spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+                let nearer = self.space.clearance_within(&state[0], plan.clearance);
+                plan.clearance = plan.clearance.min(nearer);
+                plan.tilt = plan.tilt.map(|most| most.max(self.tilt(&state[0])));
+                if let Some((depth, links)) = self.space.passed_through(&state[0])
+                    && through.as_ref().is_none_or(|(most, ..)| depth > *most)
+                {
+                    through = Some((depth, links, t));
+                }
+            }
+        }
+        plan.message = format!("a motion of {:.3} s", spline.span()[1]);
+        if plan.clearance.is_finite() {
+            let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
+        }
+        if let (Some(most), Some(tilt)) = (plan.tilt, &self.space.tilt) {
+            let [most, allowed] = [most, tilt.most()].map(f64::to_degrees);
+            let _ =
+                write!(plan.message, "; the end effector tilts up to {most:.1}° of {allowed:.1}°");
+        }
+        plan.message += &self.lowered(&spline, asked);
+        if let Some((depth, [a, b], t)) = through {
+            let _ = write!(
+                plan.message,
+                "; it takes {a} {:.1} mm into {b} at {t:.2} s, which `controller.self_collision = \"avoid\"` forbids",
+                1e3 * depth,
+            );
+        }
+        plan
+    }
+
+    /// Where less than the margin is kept, as the end of a sentence.
+    fn lowered(&mut self, spline: &JointSpline, asked: &Margins) -> String {
+        let most = self.space.asked;
+        let differ = self.space.has_own_margins();
+        let of = |kept: f64| {
+            if differ {
+                format!("{:.0} %", 100.0 * kept / most)
+            } else {
+                format!("{:.1} mm", 1e3 * kept)
+            }
+        };
+        let ends = [("start", spline.first()), ("goal", spline.last())];
+        let mut told: Vec<String> = ends
+            .into_iter()
+            .filter_map(|(place, q)| Some((place, asked.lowered_at(q)?)))
+            .map(|(place, kept)| format!("{} at the {place}", of(kept)))
+            .collect();
+        let least = (0..asked.far.len()).min_by(|a, b| asked.far[*a].total_cmp(&asked.far[*b]));
+        if let Some(link) = least.filter(|link| asked.far[*link] < most) {
+            let (name, kept) = (self.space.robot().link_name(Some(link)), asked.far[link]);
+            told.push(format!("{} by {name} all the way", of(kept)));
+        }
+        let mut sentence = String::new();
+        if !told.is_empty() {
+            let told = told.join(", ");
+            let margin = if differ {
+                "margins".to_owned()
+            } else {
+                format!("margin of {:.1} mm", 1e3 * most)
+            };
+            let _ = write!(sentence, "; less than the {margin} is kept: {told}");
+        }
+        for (place, q) in ends {
+            if let Some(kept) = asked.apart_lowered_at(q) {
+                let _ = write!(
+                    sentence,
+                    "; bodies of the arm keep {:.2} mm from each other at the {place}, elsewhere {:.0} mm",
+                    1e3 * kept,
+                    1e3 * APART,
+                );
+            }
+        }
+        sentence
+    }
+}
