@@ -184,7 +184,7 @@ def _pausing(scene: vff.Scenario) -> Changes:
     k = len(reference["times"]) // 2
     twice = {
         f"reference.{key}": [*reference[key][: k + 1], *reference[key][k:]]
-        for key in ("points", "margins")
+        for key in ("points", "margins", "shares")
         if key in reference
     }
     later = [time + 0.5 for time in reference["times"][k:]]
@@ -245,6 +245,10 @@ OPTIONS: dict[str, Option] = {
     "governor": Option(lambda _: {"controller.governor": {}}),
     "replanning": Option(
         lambda _: {"replan": {}},
+        ("needs a reference that comes to rest", "needs obstacles that are known", "slides without an end"),
+    ),
+    "replanning upright": Option(
+        lambda _: {"replan": {"tilt": 0.5}},
         ("needs a reference that comes to rest", "needs obstacles that are known", "slides without an end"),
     ),
     "rest on the way": Option(_pausing, ("needs a plan without rests on the way",)),

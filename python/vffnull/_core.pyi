@@ -1962,6 +1962,10 @@ def plan(
         What every link keeps from obstacles [m].
     horizon : float or None
         For how long the places that obstacles will pass are kept free [s]; None leaves out what moves.
+    tilt : float or None
+        How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
+    upright : list of float or None
+        The configuration in which it stands upright [rad]; the start by default.
     speed : float
         Share of the limits of speed and acceleration, in (0, 1].
     samples : int
@@ -1975,7 +1979,7 @@ def plan(
     -------
     dict
         ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
-        ``gap``, ``samples``, ``nodes``.
+        ``shares``, ``tilt``, ``gap``, ``samples``, ``nodes``.
 
     Raises
     ------
