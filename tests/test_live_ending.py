@@ -135,7 +135,7 @@ def test_a_camera_that_is_nowhere_is_left_alone(page: Any) -> None:
     """As a broken browser tells of it."""
     nowhere = np.full(3, np.nan)
     client: Any = SimpleNamespace(client_id=1)
-    client.camera = SimpleNamespace(aspect=1.0, position=nowhere, look_at=nowhere)
+    client.camera = SimpleNamespace(aspect=1.0, position=nowhere, look_at=nowhere, up_direction=nowhere)
     client.camera.on_update = lambda told: setattr(client, "told", told)
     obey(page._welcome(client))
     obey(client.told(client.camera))

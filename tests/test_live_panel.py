@@ -49,7 +49,8 @@ class Client:
 
     def __init__(self, aspect: float) -> None:
         self.client_id, self.sent = 1, []
-        self.camera = SimpleNamespace(aspect=aspect, position=np.zeros(3), look_at=np.zeros(3))
+        places = {name: np.zeros(3) for name in ("position", "look_at", "up_direction")}
+        self.camera = SimpleNamespace(aspect=aspect, **places)
         self.camera.on_update = self._listen
         self._websock_connection = SimpleNamespace(queue_message=self.sent.append)
 

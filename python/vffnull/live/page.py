@@ -26,7 +26,7 @@ from vffnull.live.quiet import quiet, uncover
 from vffnull.live.readouts import STOPPED, found
 from vffnull.live.recording import Recorder
 from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
-from vffnull.live.scene.camera import is_finite
+from vffnull.live.scene.camera import aspect_of
 from vffnull.live.sliders import said, unprojected
 from vffnull.model.scenario import Scenario
 from vffnull.model.settings import setting
@@ -489,7 +489,8 @@ class LivePage:
             self._move_camera(client)
 
     def _move_camera(self, client: viser.ClientHandle) -> None:
-        self._scene.camera(self._box(), client.camera.aspect).move(client)
+        if (aspect := aspect_of(client.camera)) is not None:
+            self._scene.camera(self._box(), aspect).move(client)
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
         """Show the whole picture, now and whenever the room for it changes. Whoever comes first sees the
@@ -512,20 +513,20 @@ class LivePage:
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
             nonlocal fitted, settled
-            if not is_finite(camera):
+            if (aspect := aspect_of(camera)) is None:
                 return
             late = np.allclose(camera.position, self._server.initial_camera.position, atol=1e-3)
-            if settled and not late and abs(camera.aspect - fitted) < 0.02:
+            if settled and not late and abs(aspect - fitted) < 0.02:
                 return  # moved by hand
-            wanted = self._scene.camera(self._box(), camera.aspect)
-            settled = abs(camera.aspect - fitted) < 0.02 and bool(
+            wanted = self._scene.camera(self._box(), aspect)
+            settled = abs(aspect - fitted) < 0.02 and bool(
                 np.allclose(camera.position, wanted.position, atol=0.01 * self._scene.reach)
             )
             if settled:  # it has taken the camera: there is a picture
                 self._begin()
                 uncover(client)
             else:  # or has taken the one to begin with, maybe after this one
-                fitted = camera.aspect
+                fitted = aspect
                 wanted.move(client)
 
     async def _miss(self, client: viser.ClientHandle) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,16 +37,15 @@ class Camera:
     far: float
 
     def move(self, client: viser.ClientHandle) -> None:
-        """Take the camera of somebody there; one that a broken browser has somewhere else than in space
-        cannot be taken.
-        """
-        if not is_finite(client.camera):
-            return
-        with client.atomic():
-            client.camera.up_direction = self.up
-            client.camera.fov = self.fov
-            client.camera.position = self.position
-            client.camera.look_at = self.look_at
+        """Take the camera of somebody there."""
+
+        def take(camera: viser.CameraHandle) -> None:
+            camera.up_direction = self.up
+            camera.fov = self.fov
+            camera.position = self.position
+            camera.look_at = self.look_at
+
+        steer(client, take)
 
     def begin_with(self, server: viser.ViserServer) -> None:
         """Let those who come later begin a little behind it, so that they are moved when they are there,
@@ -58,9 +57,28 @@ class Camera:
         camera.up, camera.position, camera.look_at = self.up, at + 1.05 * (self.position - at), at
 
 
-def is_finite(camera: viser.CameraHandle) -> bool:
-    """Whether what a browser says of its camera are places in space, and a picture of some size."""
-    return bool(np.isfinite([*camera.position, *camera.look_at, camera.aspect]).all()) and camera.aspect > 0
+def aspect_of(camera: viser.CameraHandle) -> float | None:
+    """Width over height of somebody's picture; None if it has no size, as in a window that is hidden, or if
+    the camera is somewhere else than in space, as a broken browser tells of it.
+    """
+    try:
+        aspect = float(camera.aspect)  # viser divides
+        places = np.array([camera.position, camera.look_at, camera.up_direction], dtype=float)
+    except (ArithmeticError, ValueError):
+        return None
+    is_there = places.shape == (3, 3) and bool(np.isfinite(places).all())
+    return aspect if is_there and 0.0 < aspect < np.inf else None
+
+
+def steer(client: viser.ClientHandle, change: Callable[[viser.CameraHandle], None]) -> None:
+    """Change the camera of somebody there, but for one that cannot be: nobody else has a share in that."""
+    if aspect_of(client.camera) is None:
+        return
+    try:
+        with client.atomic():
+            change(client.camera)
+    except ValueError:  # of directions that are none
+        return
 
 
 def seen_above(aspect: float) -> float:

@@ -13,7 +13,7 @@ import viser
 from vffnull._core import distances, matrices, quaternions
 from vffnull.draw import colours, geometry
 from vffnull.draw.shapes import pushed_links
-from vffnull.live.scene.camera import Camera, framing, is_finite
+from vffnull.live.scene.camera import Camera, framing, steer
 from vffnull.live.scene.cup import LEVEL, Cup, carries, stays_level, upright_in
 from vffnull.live.scene.hands import Grip, Held
 from vffnull.live.scene.looks import (
@@ -118,15 +118,18 @@ class SpaceScene(Scene):
         """Move the cameras as the hand moves."""
         if self._view != FOLLOW:
             return
-        tip = np.asarray(self._tip.position)
+        tip = np.array(self._tip.position)  # viser writes into its own
         if self._followed is None:
             self._followed = tip
         moved = tip - self._followed
+
+        def go_along(camera: viser.CameraHandle) -> None:
+            camera.position = camera.position + moved
+
         if np.linalg.norm(moved) > 2e-3 * self.reach:
             self._followed = tip
             for client in clients:
-                if client.camera.update_timestamp > 0.0 and is_finite(client.camera):
-                    client.camera.position = client.camera.position + moved
+                steer(client, go_along)
 
     # ------------------------------------------------------------------------------------------------ drag
 
