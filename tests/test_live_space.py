@@ -727,9 +727,12 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
         page.stop()
 
 
-@pytest.mark.parametrize("size", [(1280, 720), (390, 844)], ids=["1280 × 720", "phone"])
+SIZES = {"1280 × 720": (1280, 720), "narrow": (800, 600), "phone": (390, 844)}
+
+
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
 def test_ball_and_hand_are_seen_between_the_panels(size: tuple[int, int], tmp_path: Path) -> None:
-    """In the first picture, with nothing of the page on them."""
+    """In the first picture, with nothing of the page on them; in a narrow window the plots make room."""
     page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
     try:
         with chromium(*WEBGL) as browser:
@@ -748,6 +751,7 @@ def test_ball_and_hand_are_seen_between_the_panels(size: tuple[int, int], tmp_pa
             tab.wait_for_timeout(500)
             (client,) = page._server.get_clients().values()
             camera, box = client.camera, tab.locator("canvas").first.bounding_box()
+            assert box["width"] > 0.45 * size[0]
             hand = page.scenario.arm.forward_kinematics(page.snapshot()["q"])[-1]
             for place in (PLACE, hand):
                 seen = rotation(camera.wxyz).T @ (np.asarray(place) - camera.position)

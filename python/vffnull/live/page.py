@@ -19,9 +19,9 @@ from vffnull.live.clock import Rate
 from vffnull.live.ending import Ending
 from vffnull.live.guard import guarding
 from vffnull.live.icons import archive_open
+from vffnull.live.layout import docked, makes_room
 from vffnull.live.memory import Memory
 from vffnull.live.panel import Panel
-from vffnull.live.plots import Plots
 from vffnull.live.quiet import quiet, uncover
 from vffnull.live.readouts import STOPPED, found
 from vffnull.live.recording import Recorder
@@ -96,16 +96,7 @@ class LivePage:
         with quiet(), guarding(allowed):
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="vffnull", verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
-        gui = self._server.gui
-        gui.set_panel_label("vffnull live")
-        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 84, 140))
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(340)
-        plots = gui.add_panel()
-        with plots.add_tab("Live plots"):
-            self._plots = Plots(self._server)
-        plots.dock_left()
-        plots.set_width(330)
+        self._plots, self._side = docked(self._server)
         with archive_open():
             self._panel = Panel(self._server, self)
             self._recorder = Recorder(folder, self._panel.show_recording, self._notify)
@@ -496,7 +487,7 @@ class LivePage:
         """Show the whole picture, now and whenever the room for it changes. Whoever comes first sees the
         scene from its beginning: time waits for their first picture.
         """
-        fitted, settled = 0.0, False
+        fitted, settled, roomy = 0.0, False, False
         with self._lock:
             seen, self._seen = self._seen, True
             untouched = not self._dragged and not self._recorder.is_on and not self._over.is_set()
@@ -512,9 +503,10 @@ class LivePage:
 
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
-            nonlocal fitted, settled
+            nonlocal fitted, settled, roomy
             if (aspect := aspect_of(camera)) is None:
                 return
+            roomy = roomy or makes_room(client, self._side, aspect)  # once: somebody may want it back
             late = np.allclose(camera.position, self._server.initial_camera.position, atol=1e-3)
             if settled and not late and abs(aspect - fitted) < 0.02:
                 return  # moved by hand
