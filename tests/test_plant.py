@@ -144,6 +144,34 @@ def test_friction_too_stiff_for_the_step_is_warned_of(integrator: str) -> None:
         vff.simulate(flat, {"plant.viscous_friction": 500.0, "simulation.control": "continuous"})
 
 
+def test_friction_too_stiff_where_the_wrist_is_straight_is_warned_of() -> None:
+    """A bent wrist carries the links beyond it about the axis that a straight one has along them; a run that
+    diverges for that says what it may be.
+    """
+    arm = vff.Arm.named("panda")
+    bent = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+    straight = [*bent[:5], 0.0, bent[6]]
+
+    def rate(q: list[float], friction: float) -> float:
+        loss = np.diag([0.0] * 6 + [friction])
+        return float(np.linalg.eigvals(np.linalg.solve(arm.mass_matrix(q), loss)).real.max())
+
+    assert rate(straight, 1.0) > 1.2 * rate(bent, 1.0)
+    friction = 2000.0 / np.sqrt(rate(straight, 1.0) * rate(bent, 1.0))
+    plant: dict[str, Any] = {"duration": 0.01, "q0": bent}
+    plant["plant.viscous_friction"] = [0.0] * 6 + [friction]
+    straightest = r"at a rate of \S+ 1/s where `\S+joint6` is at -?\S+ rad, too fast"
+    with pytest.warns(vff.errors.ScenarioWarning, match=straightest):
+        vff.simulate("panda-sweep", plant)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", vff.errors.ScenarioWarning)
+        vff.simulate("panda-sweep", plant | {"simulation.dt": 2.5e-4, "simulation.control_every": 4})
+    stiff = {"plant.viscous_friction": 1e7, "plant.joint_stops": False}
+    with pytest.warns(vff.errors.ScenarioWarning, match="viscous friction stops"):
+        lost = vff.simulate("panda-sweep", stiff)
+    assert lost.status == "diverged" and "or viscous friction of the joints, is too stiff" in lost.message
+
+
 @pytest.mark.parametrize("sense", [1, -1])
 def test_dry_friction_stops_a_rod_in_finite_time(sense: int) -> None:
     """At |q̇₀| I/τ_c, after q̇₀² I/2τ_c; and from then on nothing moves, to the last bit."""

@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 /// Joints of the longest arm that is looked at: the matrices of more are not worth their time.
 const MAX_JOINTS: usize = 100;
+/// Joints of the longest arm that is looked at in other postures, too.
+const MAX_BENT: usize = 20;
 /// Euler's limit for a rate of decay times the step; that of Runge and Kutta is 2.8.
 const FASTEST: f64 = 2.0;
 
@@ -26,11 +28,15 @@ impl Scenario {
             return None;
         }
         let friction = DMatrix::from_diagonal(&DVector::from_column_slice(&plant.viscous));
-        let (rate, mode) = fastest(&friction, mass_matrix(&plant.arm, &self.q0))?;
         let step = self.simulation.dt;
-        if rate * step <= FASTEST {
-            return None;
-        }
+        let too_fast = |q: &[f64]| {
+            let (rate, mode) = fastest(&friction, mass_matrix(&plant.arm, q))?;
+            (rate * step > FASTEST).then_some((rate, mode))
+        };
+        let (rate, mode, posture) = match too_fast(&self.q0) {
+            Some((rate, mode)) => (rate, mode, String::new()),
+            None => self.where_friction_is_fastest(plant, too_fast)?,
+        };
         // Where most is lost.
         let joint = largest((0..n).map(|i| plant.viscous[i].sqrt() * mode[i].abs()));
         let finer = (rate * step / FASTEST).ceil();
@@ -40,13 +46,43 @@ impl Scenario {
             _ => format!(" and simulation.control_every = {every}"),
         };
         Some(format!(
-            "plant: viscous friction stops `{}` at a rate of {} 1/s, too fast for a step of {step} s: it \
+            "plant: viscous friction stops `{}` at a rate of {} 1/s{posture}, too fast for a step of {step} s: it \
              swings or diverges. simulation.dt = {}{sampled} can follow it; plant.viscous_friction = 0 takes \
              it away",
             plant.arm.joint_name(joint),
             significant(rate, 3),
             significant(step / finer, 6),
         ))
+    }
+
+    /// The rate and the motion that `too_fast` finds to be the fastest where one joint is straight and the others are as in
+    /// q0, and which joint that is: the links beyond it are lighter about an axis that they come to lie along.
+    fn where_friction_is_fastest<A: Model<D>, const D: usize>(
+        &self,
+        plant: &Physics<A>,
+        too_fast: impl Fn(&[f64]) -> Option<(f64, DVector<f64>)>,
+    ) -> Option<(f64, DVector<f64>, String)> {
+        let n = plant.viscous.len();
+        if n > MAX_BENT || plant.viscous.iter().all(|friction| *friction == 0.0) {
+            return None;
+        }
+        let mut fastest: Option<(f64, DVector<f64>, usize, f64)> = None;
+        for i in 0..n {
+            let limits = plant.arm.limits().joint.get(i);
+            let straight = limits.map_or(0.0, |[low, high]| 0.0_f64.clamp(*low, *high));
+            let mut q = self.q0.clone();
+            q[i] = straight;
+            if let Some((rate, mode)) = too_fast(&q)
+                && fastest.as_ref().is_none_or(|(most, ..)| rate > *most)
+            {
+                fastest = Some((rate, mode, i, straight));
+            }
+        }
+        let (rate, mode, i, straight) = fastest?;
+        let joint = plant.arm.joint_name(i);
+        let unit = if plant.arm.slides(i) { "m" } else { "rad" };
+        let straight = (1e3 * straight).round() / 1e3;
+        Some((rate, mode, format!(" where `{joint}` is at {straight} {unit}")))
     }
 
     /// A posture spring that a held torque makes unstable: (T34) with K_n that of the spring, at q0.

@@ -280,6 +280,11 @@ impl<A: Model<D>, S: ObstacleGeometry<D>, const D: usize> Plant<A, S, D> {
         self.wrenches.as_deref().map_or(vec![], acting)
     }
 
+    /// Whether joints have viscous friction.
+    pub fn is_braked(&self) -> bool {
+        self.physics.viscous.iter().any(|friction| *friction > 0.0)
+    }
+
     /// Moves to the state (q, q̇): q̈ under a torque there.
     pub fn accelerate(&mut self, q: &[f64], dq: &[f64], tau: &[f64], ddq: &mut [f64]) {
         let is_touched = self.is_touched();

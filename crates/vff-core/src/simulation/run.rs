@@ -178,8 +178,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         let end_time = self.closed_loop.time();
         let told = (1e9 * end_time).round() / 1e9; // without what steps add up to by rounding
         let (status, message) = if self.diverged {
+            let braked = self.closed_loop.is_braked();
+            let stiff = if braked { ", or viscous friction of the joints," } else { "" };
             let message = format!(
-                "the state left the finite range after t = {told} s: the torque is too stiff \
+                "the state left the finite range after t = {told} s: the torque{stiff} is too stiff \
                  for the step, or the scenario is unstable"
             );
             (Status::Diverged, message)

@@ -166,6 +166,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         slow && is_finite(&self.q)
     }
 
+    /// Whether viscous friction brakes the joints of the plant.
+    pub fn is_braked(&self) -> bool {
+        self.plant.is_braked()
+    }
+
     /// Whether torque or speed limits hold for the controller.
     pub(super) fn is_limited(&self) -> bool {
         let Limits { velocity, torque, .. } = self.arm.limits();
