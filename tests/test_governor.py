@@ -48,6 +48,24 @@ def test_a_disc_that_passes_costs_less_of_the_path(avoidance: str) -> None:
     assert np.linalg.norm(with_.error[-1]) < 1e-9
 
 
+def test_what_is_left_of_a_reference_is_measured() -> None:
+    """A line of 5 s in a run of 5 s: late by what it has waited for, and not at its end."""
+    for governed in (False, True):
+        changes: dict[str, Any] = {
+            "controller.avoidance": "cbf",
+            "simulation.control": "hold",
+            "duration": 5.0,
+        }
+        result = vff.simulate("on-path", changes | (GOVERNED if governed else {}))
+        left = 0.0 if result.path_time is None else 5.0 - result.path_time[-1]
+        assert result.metrics["end_time_left"] == pytest.approx(left, abs=1e-9)
+        assert result.metrics["end_delay"] == (pytest.approx(left, abs=1e-9) if governed else None)
+        assert ("to go" in str(result.headline)) == governed
+    assert left > 1.0 and result.headline.severity != "good"
+    assert run("on-path", "cbf", True).metrics["end_time_left"] == 0.0
+    assert vff.simulate("swing", {"duration": 0.1}).metrics["end_time_left"] in (0.0, None)
+
+
 @pytest.mark.parametrize("avoidance", LAWS)
 @pytest.mark.parametrize("control", ["hold", "predictor"])
 def test_the_clock_never_runs_backwards_nor_ahead(avoidance: str, control: str) -> None:

@@ -304,6 +304,28 @@ def test_general_assumptions_leave_out_what_is_particular(tmp_path: Path) -> Non
     assert "<li>Rigid links in space" in text
 
 
+def test_a_reference_that_has_not_come_to_its_end_is_told() -> None:
+    """By another plan or by a governor that made it wait it is odd; one that is as long from the start is as
+    somebody wants it. A run that was stopped has come to no end at all.
+    """
+    arm = vff.Scenario.load("sweep-through").arm
+
+    def told(status: str = "completed", **facts: Any) -> tuple[str, str, str]:
+        found = headline(status, "reached its end at t = 3 s", facts, arm)
+        return found.verdict, found.severity, "; ".join(found.lines)
+
+    end = "reached its end at t = 3 s"
+    for over in ({}, {"end_time_left": None}, {"end_time_left": 0.0, "end_delay": 1.0, "replans": 2}):
+        assert told(**over) == ("completed", "good", end)
+    assert told(end_time_left=2.5) == ("completed", "good", f"{end}; the reference had 2.5 s to go")
+    assert told(end_time_left=2.5, end_delay=1.0)[1] == "good"
+    late = f"the reference, which waited for 2.6 s, had 2.5 s to go at the end; {end}"
+    assert told(end_time_left=2.5, end_delay=2.6) == ("not at its end", "odd", late)
+    new = f"the new plan had 2.5 s to go at the end; {end}"
+    assert told(end_time_left=2.5, replans=1) == ("not at its end", "odd", new)
+    assert "to go" not in told("interrupted", end_time_left=2.5, replans=1)[2]
+
+
 def test_times_of_computing_are_read_easily() -> None:
     assert [seconds(each) for each in (1.29, 0.9999, 0.0123, 1234.0)] == [
         "1.29 s",

@@ -174,6 +174,8 @@ def test_tip_speed(scenario: Any) -> None:
     speed = np.linalg.norm(kept.dx[:, :dimension], axis=1).max()
     assert 0.39 * most < speed < 0.404 * most
     assert np.linalg.norm(kept.error[-1]) < 1e-3
+    assert kept.metrics["tip_speed_ratio"] == pytest.approx(speed / (0.4 * most), rel=1e-12)
+    assert free.metrics["tip_speed_ratio"] is None and kept.metrics["tip_angular_speed_ratio"] is None
 
 
 @EITHER
@@ -183,7 +185,29 @@ def test_how_fast_the_tip_turns(scenario: Any, rate: float | None) -> None:
     settings = {} if rate is None else {"torque_rate": rate}
     free = turns(vff.simulate(scenario(settings, duration=3.0))).max()
     limited = scenario(settings | {"tip_angular_speed": 0.5 * free}, duration=3.0)
-    assert 0.4 * free < turns(vff.simulate(limited)).max() < 0.505 * free
+    kept = vff.simulate(limited)
+    assert 0.4 * free < turns(kept).max() < 0.505 * free
+    assert kept.metrics["tip_angular_speed_ratio"] == pytest.approx(
+        turns(kept).max() / (0.5 * free), rel=1e-9
+    )
+
+
+@EITHER
+def test_a_tip_that_is_too_fast_is_told_of(scenario: Any) -> None:
+    """Nothing brakes one that begins beyond its limits; what sensors say of it does not count."""
+    document = scenario({"tip_speed": 0.1, "tip_angular_speed": 0.1}).to_dict()
+    document["dq0"] = [0.0, 0.5] + [0.0] * (len(document["q0"]) - 2)
+    for more in ({}, {"measurement": {"velocity_noise": 0.3}}):
+        fast = vff.simulate(document | more)
+        moves = np.linalg.norm(fast.dx[:, : 3 if scenario is with_command else 2], axis=1).max() / 0.1
+        assert moves > 1.1 and fast.metrics["tip_speed_ratio"] == pytest.approx(moves, rel=1e-9)
+        assert fast.metrics["tip_angular_speed_ratio"] >= 5.0 * (1 - 1e-9)
+        told = (
+            f"the speed of the end effector came to {100 * moves:.4g} % of its limit",
+            "the angular speed of the end effector came to ",
+        )
+        assert fast.headline.severity != "good"
+        assert all(any(line.startswith(each) for line in fast.headline.lines) for each in told)
 
 
 def led(name: str, settings: dict[str, Any], target: Any, **more: Any) -> tuple[Array, Array, Array]:

@@ -72,6 +72,16 @@ def test_a_result_tells_of_its_plans(result: vff.Result) -> None:
     assert result.obstacles.shape[1] == 1 and result.metrics.min_clearance > 0.0  # type: ignore[operator]
 
 
+def test_a_new_plan_that_is_longer_than_the_run_is_told_of(result: vff.Result) -> None:
+    """The hand is metres from its goal, and nothing else went wrong."""
+    short = vff.simulate({**BLOCKED, "replan": {"latency": 0.25, "speed": 0.05}})
+    goal = short.scenario.arm.forward_kinematics(BLOCKED["reference"]["points"][-1])[-1]
+    assert np.linalg.norm(short.x[-1] - goal) > 0.5 and short.metrics["end_error"] < 0.01
+    assert short.metrics["end_time_left"] > 1.0
+    assert (short.headline.verdict, short.headline.severity) == ("not at its end", "odd")
+    assert f"the new plan had {short.metrics['end_time_left']:.3g} s to go" in short.headline.lines[0]
+
+
 def test_runs_repeat_in_any_number_of_threads(result: vff.Result) -> None:
     for other in vff.simulate_many([BLOCKED, BLOCKED], threads=2):
         np.testing.assert_array_equal(other.q, result.q)

@@ -24,6 +24,8 @@ _LOST = 1e-2
 """How far the end effector may be from its reference at the end [m]."""
 _TURNED = 5e-2
 """The same of its orientation [rad]."""
+_LEFT = 0.05
+"""For how long a reference may still move at the end [s]."""
 OVER = 1e-3
 """By which share a limit is exceeded before it counts: barriers hold a speed to parts in ten thousand."""
 
@@ -92,16 +94,21 @@ def headline(
     ignoring : sequence of str, optional
         Links that may pass through an obstacle, of whose contact with it nothing is known.
     """
+    is_over = status in ("completed", "collided")
+    if not is_over:  # what it has not come to is no news
+        facts = {name: value for name, value in facts.items() if name != "end_time_left"}
     found = list(findings(facts, arm, slides))
     lines = tuple(each.text for each in found)
     is_hit = any(each.severity == "bad" for each in found)
     if status == "interrupted" and not is_hit:  # the verdict says that it was
         return Headline(status, "odd", (message.replace(f"{status} at", "stopped at"), *lines))
-    if status not in ("completed", "collided", "interrupted"):
+    if not is_over and status != "interrupted":
         return Headline(status, "bad", (message, *lines))
+    left, is_longer = _left(facts)
+    more = (left,) if left and not is_longer else ()
     if found:
-        return Headline(found[0].verdict, found[0].severity, (*lines, message))
-    return Headline(status, "good", (f"{message}{_untouched(facts, ignoring)}",))
+        return Headline(found[0].verdict, found[0].severity, (*lines, message, *more))
+    return Headline(status, "good", (f"{message}{_untouched(facts, ignoring)}", *more))
 
 
 def passing(document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -136,6 +143,9 @@ def findings(
     if missed:
         text = f"the end effector is {' and '.join(missed)} its reference at the end"
         yield Finding("off reference", "odd", text)
+    to_go, is_longer = _left(facts)
+    if is_longer:
+        yield Finding("not at its end", "odd", to_go)
     if cut := facts.get("cut_cycles"):
         left, late = facts.get("rollouts_left_out") or 0, facts.get("late_cycles") or 0
         text = f"the look-ahead was out of time in {cut} cycles and left out {left} roll-outs"
@@ -181,6 +191,11 @@ def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> It
                 quantity = "force" if joint in slides else "torque"
                 text = f"the law asked {_joint(arm, joint)} for {share} of its {quantity} limit"
             yield Finding("over limits", "odd", text)
+    for name, what in (("tip_speed", "the speed"), ("tip_angular_speed", "the angular speed")):
+        ratio = facts.get(f"{name}_ratio")
+        if ratio is not None and ratio > 1 + OVER:
+            text = f"{what} of the end effector came to {100 * ratio:.4g} % of its limit"
+            yield Finding("over limits", "odd", text)
     first, joint = facts.get("joint_limit_time"), facts.get("joint_limit_joint")
     if first is not None:
         beyond = facts.get("joint_limit_violation") or 0.0
@@ -188,6 +203,21 @@ def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> It
         reached = f"was up to {far} beyond its limits" if beyond > 0 else "came to its stop"
         when = "from the start" if first == 0 else f"first at t = {first:.4g} s"
         yield Finding("at a stop", "odd", f"{_joint(arm, joint)} {reached}, {when}")
+
+
+def _left(facts: Mapping[str, Number]) -> tuple[str, bool]:
+    """What is left of the reference at the end, if anything is, and whether other plans or a governor are the
+    reason: it may as well be longer than the run.
+    """
+    left, late = facts.get("end_time_left") or 0.0, facts.get("end_delay") or 0.0
+    if left <= _LEFT:
+        return "", False
+    to_go = f"had {left:.3g} s to go"
+    if facts.get("replans"):
+        return f"the new plan {to_go} at the end", True
+    if late > left - _LEFT:
+        return f"the reference, which waited for {late:.3g} s, {to_go} at the end", True
+    return f"the reference {to_go}", False
 
 
 def _untouched(facts: Mapping[str, Number], ignoring: Sequence[str]) -> str:

@@ -53,6 +53,8 @@ pub const METRICS: &[Metric] = &[
     metric("max_orientation_error_tail", "rad", "the same for the orientation of a pose task"),
     metric("end_error", "m", "distance to the reference at the end"),
     metric("end_orientation_error", "rad", "the same for the orientation of a pose task"),
+    metric("end_time_left", "s", "for how long the reference still moves then, by its own clock"),
+    metric("end_delay", "s", "how late it is then, with a governor only"),
     metric("settling_time", "s", "from then on within 2 % of the first error, or 1 mm if larger"),
     metric("max_repulsion", "N", "largest repulsive force on a link"),
     metric("max_repulsion_time", "s", "when it occurred"),
@@ -89,6 +91,12 @@ pub const METRICS: &[Metric] = &[
     metric("velocity_limit_joint", "", "of which joint, counted from 0"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
     metric("torque_limit_joint", "", "of which joint, counted from 0"),
+    metric(
+        "tip_speed_ratio",
+        "",
+        "largest speed of the end effector relative to command.tip_speed",
+    ),
+    metric("tip_angular_speed_ratio", "", "the same of how fast it turns"),
     metric("steps", "", "steps of the plant, the start among them"),
     metric("replans", "", "plans that were taken over on the way, with replan only"),
     metric(
@@ -192,6 +200,8 @@ pub struct Metrics {
     max_error: [f64; 2],
     max_orientation_error: Option<f64>,
     end_error: [Option<f64>; 2],
+    /// For how long the reference still moves, and how late it is \[s\].
+    end_times: [Option<f64>; 2],
     settling_bound: f64,
     last_outside: Option<f64>,
     settled: bool,
@@ -224,6 +234,7 @@ pub struct Metrics {
     stopped: Option<(f64, usize)>,
     velocity_limit_ratio: Ratio,
     torque_limit_ratio: Ratio,
+    tip_shares: [Option<f64>; 2],
     replans: Option<ReplanCounts>,
     /// When a contact was first felt \[s\], and on which link.
     touched: Option<(f64, usize)>,
@@ -250,6 +261,7 @@ impl Metrics {
             max_error: [0.0; 2],
             max_orientation_error: None,
             end_error: [None; 2],
+            end_times: [None; 2],
             settling_bound: 0.0,
             last_outside: None,
             settled: false,
@@ -281,6 +293,7 @@ impl Metrics {
             stopped: None,
             velocity_limit_ratio: Ratio::default(),
             torque_limit_ratio: Ratio::default(),
+            tip_shares: [None; 2],
             replans: None,
             touched: None,
             max_yielded: None,
@@ -306,6 +319,11 @@ impl Metrics {
         self.effort(s);
         self.null_space(s);
         self.replans = s.replans;
+        for (most, share) in self.tip_shares.iter_mut().zip(s.tip_shares) {
+            if let Some(share) = share {
+                *most = Some(larger(most.unwrap_or(0.0), share));
+            }
+        }
         if let Some(link) = s.touched_link.filter(|link| *link < s.q.len()) {
             self.touched.get_or_insert((s.t, link));
         }
@@ -363,6 +381,11 @@ impl Metrics {
             *worst = worst.max(norm(orientation));
         }
         self.end_error = [Some(error), (!orientation.is_empty()).then(|| norm(orientation))];
+        let clock = s.path_time.unwrap_or(s.t);
+        self.end_times = [
+            s.rests_from.map(|rests_from| (rests_from - clock).max(0.0)),
+            s.path_time.map(|sigma| s.t - sigma),
+        ];
         if self.samples == 0 {
             self.settling_bound = (0.02 * error).max(1e-3);
         }
@@ -476,6 +499,8 @@ impl Metrics {
             optional(self.max_orientation_error),
             optional(self.end_error[0]),
             optional(self.end_error[1]),
+            optional(self.end_times[0]),
+            optional(self.end_times[1]),
             settling,
             number(self.max_repulsion),
             optional(self.max_repulsion_time),
@@ -505,6 +530,8 @@ impl Metrics {
             count((!self.limits.velocity.is_empty()).then_some(self.velocity_limit_ratio.joint)),
             given(!self.limits.torque.is_empty(), self.torque_limit_ratio.most),
             count((!self.limits.torque.is_empty()).then_some(self.torque_limit_ratio.joint)),
+            optional(self.tip_shares[0]),
+            optional(self.tip_shares[1]),
             Value::Count(self.samples),
             count(self.replans.map(|counts| counts.taken)),
             count(self.replans.map(|counts| counts.stuck)),

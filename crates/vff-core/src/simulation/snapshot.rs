@@ -58,10 +58,14 @@ pub struct Snapshot<'a> {
     pub x: &'a [f64],
     /// Its rate \[m/s, rad/s\], (m).
     pub dx: &'a [f64],
+    /// How fast it moves and turns, as shares of `command.tip_speed` and `tip_angular_speed`; `None` without them.
+    pub tip_shares: [Option<f64>; 2],
     /// Reference, written likewise, after the governor if there is one.
     pub x_ref: &'a [f64],
     /// Path time σ \[s\]; `None` without a governor.
     pub path_time: Option<f64>,
+    /// From when on the reference rests, by its own clock \[s\]; `None` if it never does.
+    pub rests_from: Option<f64>,
     /// Where the plan has the joints \[rad\], (n); `None` as long as the reference is none.
     pub q_plan: Option<&'a [f64]>,
     /// What came of watching over the reference; `None` without `[replan]`.

@@ -268,11 +268,15 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
 
     /// Where it comes to rest for good; None if it never does.
     pub fn end(&self) -> Option<P> {
-        let rests_from = match &self.path {
-            Path::Curve(curve) => P::rests_from(curve)?,
-            Path::Plan(plan) => plan.joints().span()[1],
-        };
-        Some(self.on_path(rests_from).x)
+        Some(self.on_path(self.rests_from()?).x)
+    }
+
+    /// From when on it is at rest for good, but for what is left of the reference before \[s\]; None if it never is.
+    pub fn rests_from(&self) -> Option<f64> {
+        match &self.path {
+            Path::Curve(curve) => P::rests_from(curve),
+            Path::Plan(plan) => Some(plan.joints().span()[1]),
+        }
     }
 
     /// The joints of the plan that it is, if it is one.

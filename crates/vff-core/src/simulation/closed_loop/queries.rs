@@ -1,7 +1,7 @@
 //! What can be asked of a closed loop at its present instant.
 
 use super::*;
-use crate::control::SelfMotionMap;
+use crate::control::{CommandSettings, SelfMotionMap};
 use crate::math::dot;
 use crate::simulation::DepthPicture;
 
@@ -166,6 +166,21 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         slow && is_finite(&self.q)
     }
 
+    /// How fast the end effector moves and turns, as shares of what `command` lets it.
+    fn tip_shares(&self, dx: &Vector<M>) -> [Option<f64>; 2] {
+        let CommandSettings { tip_speed, tip_angular_speed, .. } =
+            self.stack.controller.gains().command;
+        let turning = || {
+            let seen = self.stack.controller.robot();
+            let [turning, _] = self.truth.as_ref().map_or(seen, |_| self.plant.state()).turning();
+            turning.norm()
+        };
+        [
+            tip_speed.map(|most| dx.fixed_rows::<D>(0).norm() / most),
+            tip_angular_speed.map(|most| turning() / most),
+        ]
+    }
+
     /// Whether viscous friction brakes the joints of the plant.
     pub fn is_braked(&self) -> bool {
         self.plant.is_braked()
@@ -218,8 +233,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             tau_vff: forces.torque(),
             x: self.x.as_slice(),
             dx: dx.as_slice(),
+            tip_shares: self.tip_shares(dx),
             x_ref: controller.reference().x.as_slice(),
             path_time: self.path_time(),
+            rests_from: self.stack.trajectory.rests_from(),
             q_plan: self.stack.trajectory.joints().and_then(|_| controller.planned()),
             replans: self.replanning.as_ref().map(|replanning| replanning.counts()),
             error: error.as_slice(),
