@@ -97,11 +97,14 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
     ) -> Vec<Self> {
         let duration = end - start;
         // Those that are looked for equally often go together, but for what goes too far from one place to the next.
-        let mut groups: Vec<(f64, f64, Vec<usize>)> = vec![];
+        let mut groups: Vec<(u32, f64, Vec<usize>)> = vec![];
         for j in moving {
             let speed = world.top_speed(*j, [start, end], center, radius);
-            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
-            match groups.iter_mut().find(|group| group.0 == places && places < MAX_PLACES) {
+            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES) as u32;
+            match groups
+                .iter_mut()
+                .find(|group| group.0 == places && f64::from(places) < MAX_PLACES)
+            {
                 Some((_, fastest, group)) => {
                     *fastest = fastest.max(speed);
                     group.push(*j);
@@ -110,8 +113,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
             }
         }
         let places = groups.into_iter().flat_map(|(places, speed, group)| {
-            let stride = duration / places;
-            (0..places as u32).map(move |k| {
+            let stride = duration / f64::from(places);
+            (0..places).map(move |k| {
                 let mut there = world.only(group.iter().copied());
                 there.update(start + stride * (f64::from(k) + 0.5));
                 Self::new(there, &group, 0.5 * stride * speed)

@@ -97,7 +97,7 @@ impl Tree {
                 self.nodes.push(to);
                 self.parents.push(node);
                 let new = self.nodes.len() - 1;
-                let reached = share == 1.0 && !is_moved;
+                let reached = share >= 1.0 && !is_moved;
                 return if reached { Step::Reached(new) } else { Step::Nearer(new) };
             }
             share *= 0.5;
