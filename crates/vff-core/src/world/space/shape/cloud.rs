@@ -7,6 +7,7 @@
 //! (T180): their boxes grow by what these differ.
 
 use super::sphere::cast_at_ball;
+use crate::geometry::MAX_POINTS;
 use crate::geometry::axis::{Nearest, Probe, perpendicular, seen_from};
 use crate::geometry::point::{distance_to_point, square_to_point, to_point};
 use crate::interrupt;
@@ -18,7 +19,7 @@ use crate::world::{Ahead, Contact, Feature, MotionState, Pair};
 use std::fmt;
 use std::ops::Range;
 
-/// Points that are found at once.
+/// So many near points are sorted; more are marked.
 const ROOM: usize = 256;
 
 /// The points \[m\], relative to the obstacle's position and turned by its orientation, in boxes.
@@ -30,6 +31,8 @@ pub(in super::super) struct Cloud {
     velocities: Vec<Vector<3>>,
     /// Where each stood in the list that was given.
     numbers: Vec<u32>,
+    /// The place of each, as that list has them.
+    places: Vec<u32>,
     runs: PointBvh,
     /// Opposite corners of a box around all of them \[m\].
     extent: [Vector<3>; 2],
@@ -89,6 +92,8 @@ impl Cloud {
         let mut order: Vec<u64> = turned.iter().zip(0u64..).map(key).collect();
         order.sort_unstable();
         let numbers: Vec<u32> = order.iter().map(|key| *key as u32).collect();
+        let mut places = vec![0; numbers.len()];
+        (0..).zip(&numbers).for_each(|(place, number)| places[*number as usize] = place);
         let points: Vec<Vector<3>> = numbers.iter().map(|i| turned[*i as usize]).collect();
         let is_moving = rates.len() == points.len() && farthest(&rates) > 0.0;
         let velocities: Vec<Vector<3>> =
@@ -102,6 +107,7 @@ impl Cloud {
             extent,
             points,
             numbers,
+            places,
         }
     }
 
@@ -256,18 +262,14 @@ impl Cloud {
     ) {
         let query = self.query(link, &state.position, state.elapsed);
         let mut room = [(0, 0); ROOM];
-        let mut first = 0;
-        // The first few at a time, since nothing may be allocated here.
-        loop {
-            let found = self.within(&query, radius, reach, first, &mut room);
-            interrupt::checkpoint(64 * found.len());
-            for (_, place) in found {
-                visit(&self.touch(*place as usize, pair, link, radius, state));
-            }
-            match found {
-                [.., (last, _)] if found.len() == ROOM => first = last + 1,
-                _ => return,
-            }
+        let Some(found) = self.few_within(&query, radius, reach, &mut room) else {
+            return self.for_each_of_many(&query, radius, reach, |place| {
+                visit(&self.touch(place, pair, link, radius, state));
+            });
+        };
+        interrupt::checkpoint(64 * found.len());
+        for (_, place) in found {
+            visit(&self.touch(*place as usize, pair, link, radius, state));
         }
     }
 
@@ -307,46 +309,77 @@ impl Cloud {
         }
     }
 
-    /// Numbers and places of the points within reach whose number is `first` or higher: the lowest of them, as many as there
-    /// is room for, in their order.
+    /// Numbers and places of the points within reach, in the order of their numbers; none if there are more than fit.
     #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
-    fn within<'r>(
+    fn few_within<'r>(
         &self,
         query: &Query<'_>,
         radius: f64,
         reach: f64,
-        first: u32,
         room: &'r mut [(u32, u32); ROOM],
-    ) -> &'r [(u32, u32)] {
+    ) -> Option<&'r [(u32, u32)]> {
         let mut count = 0;
         let limit = reach + radius + query.link.radius;
         self.approach(query, limit, |places| {
             for place in places {
-                let found = (self.numbers[place], place as u32);
-                let point = self.point(place, query.elapsed);
-                let within = query.distance(&point) - radius - query.link.radius < reach;
-                if !within || found.0 < first {
-                    continue;
-                }
-                if count < ROOM {
-                    room[count] = found;
-                    count += 1;
-                    if count == ROOM {
-                        room.sort_unstable();
+                if self.is_within(query, place, radius, reach) {
+                    if let Some(found) = room.get_mut(count) {
+                        *found = (self.numbers[place], place as u32);
                     }
-                } else if found < room[ROOM - 1] {
-                    let at = room.partition_point(|other| *other < found);
-                    room.copy_within(at..ROOM - 1, at + 1);
-                    room[at] = found;
+                    count += 1;
                 }
             }
-            limit
+            // The rest is of no use.
+            if count > ROOM { f64::NEG_INFINITY } else { limit }
         });
-        let found = &mut room[..count];
-        if count < ROOM {
-            found.sort_unstable();
+        let found = room.get_mut(..count)?;
+        found.sort_unstable();
+        Some(found)
+    }
+
+    /// Calls `visit` with the places of all points within reach, in the order of their numbers: the way through the tree marks
+    /// them, and the marks are gone through. Nothing may be allocated here, and what it costs grows with how many there are.
+    #[inline(never)]
+    fn for_each_of_many(
+        &self,
+        query: &Query<'_>,
+        radius: f64,
+        reach: f64,
+        mut visit: impl FnMut(usize),
+    ) {
+        const BITS: usize = u64::BITS as usize;
+        const MARKS: usize = MAX_POINTS.div_ceil(BITS);
+        let limit = reach + radius + query.link.radius;
+        // Once: more points than that are refused.
+        for first in (0..self.points.len()).step_by(BITS * MARKS) {
+            let mut marks = [0u64; MARKS];
+            self.approach(query, limit, |places| {
+                for place in places {
+                    let bit = (self.numbers[place] as usize).wrapping_sub(first);
+                    if let Some(mark) = marks.get_mut(bit / BITS)
+                        && self.is_within(query, place, radius, reach)
+                    {
+                        *mark |= 1 << (bit % BITS);
+                    }
+                }
+                limit
+            });
+            for (k, mark) in marks.iter().enumerate() {
+                let mut left = *mark;
+                interrupt::checkpoint(64 * left.count_ones() as usize);
+                while left != 0 {
+                    visit(self.places[first + BITS * k + left.trailing_zeros() as usize] as usize);
+                    left &= left - 1;
+                }
+            }
         }
-        found
+    }
+
+    /// Whether the ball at a place is nearer than `reach` \[m\].
+    #[inline(always)]
+    fn is_within(&self, query: &Query<'_>, place: usize, radius: f64, reach: f64) -> bool {
+        let point = self.point(place, query.elapsed);
+        query.distance(&point) - radius - query.link.radius < reach
     }
 
     /// Calls `visit` with the points within `radius` \[m\] of a segment, and others.

@@ -254,6 +254,36 @@ fn the_curve_leads_from_neighbour_to_neighbour() {
     }
 }
 
+/// What many points near a link cost grows with how many there are, and no faster; they come in their order.
+#[test]
+fn four_times_as_many_points_are_four_times_the_work() {
+    let work = |count: u32| {
+        // Denser towards one place, in no order.
+        let point = |k: u32| {
+            let turned = k.wrapping_mul(2_654_435_761);
+            [0, 10, 20].map(|shift| 1e-5 * f64::from(turned >> shift & 1023))
+        };
+        let points: Vec<_> = (0..count).map(point).collect();
+        let mut world = World::new(vec![cloud(points.clone(), 0.01)]);
+        let body = Body::new(0, capsule([0.1, 0.0, -0.5], [0.1, 0.0, 0.5], 0.05));
+        let (mut next, before) = (0, interrupt::spent());
+        world.for_each_contact(
+            [body],
+            0.5,
+            |_, _| {},
+            |found| {
+                let centre = found.witness - found.normal * 0.01;
+                assert!((centre - Vec3::from(points[next])).norm() < 1e-12, "{next}");
+                next += 1;
+            },
+        );
+        assert_eq!(next, points.len());
+        interrupt::spent().wrapping_sub(before)
+    };
+    let [few, many] = [4000, 16_000].map(work);
+    assert!((3 * few..5 * few).contains(&many), "{few} {many}");
+}
+
 /// What a depth camera sees where there is nothing: infinitely far, and nothing undefined but for that.
 #[test]
 fn an_empty_cloud_is_nowhere() {
