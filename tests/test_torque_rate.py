@@ -1,4 +1,4 @@
-"""What is sent changes no faster than drives allow, and other limits hold behind that (T130–T134, T176)."""
+"""What is sent changes no faster than drives allow, and other limits hold (T130–T134, T176, T200)."""
 
 from __future__ import annotations
 
@@ -46,6 +46,41 @@ def test_joints_brake_at_the_same_time(arm: str, task: str, seed: int, way: str)
     """All joints of an arm that is hit come to their largest speeds at once, one to 1.16 without (T176)."""
     scene = scenes.in_space("crowd", arm, task, seed)
     behind_a_rate(scene, 1000.0, {"controller.avoidance": way})
+
+
+@pytest.mark.parametrize(("n", "seed"), [(6, 1), (10, 2), (10, 4)])
+@pytest.mark.parametrize("way", ["null_space", "cbf"])
+def test_long_arms_come_to_their_stops_in_time(n: int, seed: int, way: str) -> None:
+    """A torque does hundreds of times to one joint what it may where others stay: all hit a stop (T200)."""
+    draw = np.random.default_rng(seed)
+    lengths, masses, q0 = draw.uniform(0.3, 1, n), draw.uniform(0.3, 2, n), draw.uniform(-0.9, 0.9, n)
+    weights = [9.81 * (masses[i:] * np.cumsum(lengths[i:])).sum() for i in range(n)]
+    arm = vff.Arm(
+        lengths,
+        masses,
+        gravity=9.81,
+        torque_limits=[4 * weight + 2 for weight in weights],
+        velocity_limits=[2.0] * n,
+        joint_limits=[[q - 0.3, q + 0.3] for q in q0],
+    )
+    assert arm.torque_limits is not None and arm.joint_limits is not None and arm.velocity_limits is not None
+    command = {"torque_rate": list(8 * arm.torque_limits)}
+    goal = 0.6 * arm.forward_kinematics(q0)[-1]
+    result = vff.simulate(
+        vff.Scenario(
+            arm=arm,
+            q0=list(q0),
+            duration=2.0,
+            controller=vff.ControlSettings(
+                stiffness=100.0, damping=20.0, null_damping=4.0, avoidance=way, command=command
+            ),
+            reference={"kind": "setpoint", "point": list(goal), "unreachable": "warn"},
+            simulation={"dt": 0.001, "control": "hold", "integrator": "semi_implicit_euler"},
+        )
+    )
+    left = np.minimum(result.q - arm.joint_limits[:, 0], arm.joint_limits[:, 1] - result.q)
+    assert 0.0059 < left.min() < 0.007  # a hundredth of the range is kept, and no more
+    assert (np.abs(result.dq) <= arm.velocity_limits).all()
 
 
 @pytest.mark.parametrize("name", IN_SPACE)

@@ -108,6 +108,17 @@ impl TorqueRange {
         jerks.iter_mut().for_each(|jerk| *jerk *= share);
     }
 
+    /// The speed towards a stop from which `jerk` brings a joint to rest there that is so far \[rad, m\] from it, and how fast it
+    /// changes while the joint has this speed towards it (T200).
+    pub fn speed_towards(jerk: f64, [height, dq]: [f64; 2]) -> [f64; 2] {
+        let root = height.max(0.0).cbrt();
+        let factor = (4.5 * jerk).cbrt();
+        let speed = factor * root * root;
+        let change =
+            if root > 0.0 { -2.0 / 3.0 * factor / root * dq.clamp(0.0, speed) } else { 0.0 };
+        [speed, change]
+    }
+
     /// The largest acceleration with `left` to go to the largest speed: in proportion near it, and farther away as much
     /// as can be taken back at `jerk` (T132).
     pub fn most_acceleration(left: f64, jerk: f64, rate: f64) -> f64 {
@@ -229,6 +240,47 @@ mod tests {
                     prop_assert!(v[i] <= most[i] * (1.0 + 1e-9));
                 }
             }
+        }
+    }
+
+    proptest! {
+        /// A joint that goes on at its speed comes to its stop with less than the jerk that is reckoned with, whatever its own
+        /// would be; so does one that is pushed there, and none stays away.
+        #[test]
+        fn a_stop_takes_the_jerk_that_there_is(
+            jerk in 5.0..500.0, own in 20.0..300.0, most in 0.5..4.0, pushed in prop::option::of(1.0..10.0),
+        ) {
+            const FINE: f64 = 1e-4;
+            let range = TorqueRange { period: FINE, ..TorqueRange::new(vec![1.0]) };
+            let share = 0.5 * jerk;
+            let braking = TorqueRange::braking_jerk(own * jerk).min(share);
+            let least = |h: f64, v: f64, a: f64| {
+                let next = [h - FINE * v, v + FINE * a];
+                let [speed, change] = TorqueRange::speed_towards(share, next);
+                let bound = TorqueRange::most_acceleration(speed - next[1], braking, 40.0);
+                (-change - bound).max(range.least_acceleration([h, -v, -a], own * jerk, most, 40.0))
+            };
+            let (mut h, mut v, mut a) = match pushed {
+                None => (12.0 * most.powf(1.5) / braking.sqrt() + 1.0, most, 0.0_f64),
+                Some(_) => (0.5, 0.0, 0.0),
+            };
+            let (mut nearest, mut hardest, mut begun) = (h, 0.0_f64, 0);
+            for _ in 0..200_000 {
+                let wanted = if h > 0.0 { pushed.unwrap_or(0.0) } else { 0.0 };
+                let bound = -least(h, v, a);
+                begun += usize::from(bound < wanted);
+                let next = if begun > 0 { bound.min(wanted) } else { wanted };
+                if begun > 1 {
+                    hardest = hardest.max((a - next) / FINE);
+                }
+                h -= FINE * (v + 0.5 * FINE * next);
+                (a, v) = (next, v + FINE * next);
+                nearest = nearest.min(h);
+            }
+            prop_assert!(nearest > -1e-3, "{nearest}");
+            prop_assert!(h < 2e-3, "{h}");
+            // One that is pushed begins beyond what is bounded.
+            prop_assert!(pushed.is_some() || hardest <= jerk, "{hardest} of {jerk}");
         }
     }
 

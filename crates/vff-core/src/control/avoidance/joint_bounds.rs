@@ -17,6 +17,9 @@ const TOLERATED: f64 = 1.001;
 /// c in (T163): a joint that comes to a stop brakes with 0.29 c of what its torque can do, and at last with 0.39 c.
 const BRAKING: f64 = 2.0;
 
+/// What of the jerk that all joints have together (T176) takes one along its way to a stop, and as much onto it (T200).
+const STOPPING: f64 = 0.5;
+
 /// The slowest pole of (T162) \[1/s\]: a joint whose torque hardly carries it is not braked half a turn before its stop.
 const SLOWEST: f64 = 4.0;
 
@@ -233,7 +236,7 @@ impl JointBounds {
         [-towards(q - low, -dq), towards(high - q, dq)]
     }
 
-    /// Behind a limit of the torque rate: (T131) for the angle and (T132) for the speed.
+    /// Behind a limit of the torque rate: (T131) and (T200) for the angle and (T132) for the speed.
     fn behind_a_rate<R: Robot<D>, const D: usize>(
         &self,
         robot: &R,
@@ -255,6 +258,7 @@ impl JointBounds {
         let next = dq + period * ddq;
         let braking_jerk = TorqueRange::braking_jerk(jerk).min(together[i]);
         let faster = |left| TorqueRange::most_acceleration(left, braking_jerk, *k);
+        let stopping_jerk = STOPPING * together[i];
         let [mut lower, mut upper] = [f64::NEG_INFINITY, f64::INFINITY];
         if *joints == Joints::All {
             let kept = share * most;
@@ -272,7 +276,11 @@ impl JointBounds {
             }
             let away = |height: f64, sign: f64| {
                 let now = [height, sign * dq, sign * ddq];
-                range.least_acceleration(now, jerk, most, *k)
+                let least = range.least_acceleration(now, jerk, most, *k);
+                let next = [height + sign * period * dq, -sign * next];
+                let [speed, change] = TorqueRange::speed_towards(stopping_jerk, next);
+                let jerk = braking_jerk.min(stopping_jerk);
+                least.max(-change - TorqueRange::most_acceleration(speed - next[1], jerk, *k))
             };
             lower = lower.max(away(q - low, 1.0));
             upper = upper.min(-away(high - q, -1.0));
