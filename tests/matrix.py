@@ -249,7 +249,12 @@ OPTIONS: dict[str, Option] = {
     ),
     "replanning upright": Option(
         lambda _: {"replan": {"tilt": 0.5}},
-        ("needs a reference that comes to rest", "needs obstacles that are known", "slides without an end"),
+        (
+            "needs a reference that comes to rest",
+            "needs obstacles that are known",
+            "slides without an end",
+            "as the end effector leans by",
+        ),
     ),
     "rest on the way": Option(_pausing, ("needs a plan without rests on the way",)),
     "order": Option(_order),

@@ -484,6 +484,9 @@ def test_what_is_still_within_the_horizon_stands_still(found: vff.Plan) -> None:
     np.testing.assert_array_equal(still.q, waits.q)
     smooth = later | {"interpolation": "smooth"}
     assert vff.plan(scene.replace(obstacles=[*walls, rests | {"motion": smooth}])).status == "found"
+    bar = {"shape": {"kind": "box", "size": [2.0, 0.05]}, "position": [0.6, -1.2]}
+    spins = later | {"points": [bar["position"]] * 2, "angles": [0.0, 3.0]}
+    assert vff.plan(scene.replace(obstacles=[*walls, bar | {"motion": spins}])).status == "found"
     leaves = rests | {"motion": later | {"times": [0.5, 0.6]}}
     blocked = vff.plan(scene.replace(obstacles=[*walls, leaves]))
     assert blocked.status == "start blocked" and "obstacle 2 passes within the horizon" in blocked.message
@@ -520,9 +523,30 @@ def test_a_plan_is_one_that_the_law_can_follow() -> None:
         assert plan.status == "found", plan.message
         for value, limit in zip(most(plan), slow.values(), strict=True):
             assert value <= 0.905 * limit
+    for key in slow:
+        with pytest.raises(ScenarioError, match=rf"controller\.command\.{key}: too little to get anywhere"):
+            vff.plan(scene.replace(**{f"controller.command.{key}": 1e-6}))
     changes: dict[str, Any] = {"reference": plan.reference, "duration": round(plan.duration + 1.0, 3)}
     done = vff.simulate(limited.replace(**changes, **{"controller.posture_stiffness": 200.0}))
     assert abs(done.error).max() < 0.05 and done.metrics.min_clearance > 0.01
+
+
+@pytest.mark.parametrize("who", ["controller", "robot"])
+def test_a_torque_that_holds_the_arm_changes_no_faster_than_it_may(who: str) -> None:
+    """What is sent, with gravity or without."""
+    scene = vff.Scenario.load("panda-shelf")
+    limited = scene.replace(**{"controller.command": {"gravity": who, "torque_rate": 60.0}})
+    plan = vff.plan(limited, horizon=0.0)
+    assert plan.status == "found", plan.message
+    times = np.linspace(0.0, plan.duration, 3000)
+    sent = np.array(
+        [
+            scene.arm.inverse_dynamics(q, dq, ddq) - (scene.arm.gravity_torque(q) if who == "robot" else 0.0)
+            for q, dq, ddq in zip(*plan.at(times), strict=True)
+        ]
+    )
+    fastest = float(np.abs(np.diff(sent, axis=0)).max() / times[1])
+    assert 0.8 * 30.0 < fastest <= 1.01 * 30.0
 
 
 def test_what_is_carried_leans_no_more_than_it_may() -> None:
@@ -575,6 +599,8 @@ def test_another_plan_leans_no_more() -> None:
         assert [search.status for search in done.replans][:1] == ["found"]
         most[tilt] = abs(done.q_plan.sum(axis=1) - sum(gap["q0"])).max()
     assert most[0.3] <= 0.3 and most[None] > 0.5
+    with pytest.raises(ScenarioError, match=r"replan\.tilt: must be .* at least, as the end effector leans"):
+        gap.replace(reference=vff.plan(gap).reference, replan={"tilt": 0.01})
 
 
 def test_the_command_line(tmp_path: Path) -> None:

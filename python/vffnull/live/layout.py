@@ -32,7 +32,10 @@ def makes_room(client: viser.ClientHandle, panel: viser.PanelHandle, aspect: flo
     """
     if aspect >= UPRIGHT:
         return False
-    own = client.gui.main_panel  # what is placed by it is placed in this window alone
-    own._placement_uuid = panel._placement_uuid
-    own.minimize()
+    # What is placed by somebody's own panel is placed in that window alone: viser has no other way.
+    place = getattr(panel, "_placement_uuid", None)
+    if place is not None:
+        own = client.gui.main_panel
+        own._placement_uuid = place
+        own.minimize()
     return True

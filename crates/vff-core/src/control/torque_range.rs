@@ -115,7 +115,7 @@ impl TorqueRange {
         let factor = (4.5 * jerk).cbrt();
         let speed = factor * root * root;
         let change =
-            if root > 0.0 { -2.0 / 3.0 * factor / root * dq.clamp(0.0, speed) } else { 0.0 };
+            if root > 0.0 { -2.0 / 3.0 * factor / root * dq.max(0.0).min(speed) } else { 0.0 };
         [speed, change]
     }
 
@@ -244,6 +244,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
         /// A joint that goes on at its speed comes to its stop with less than the jerk that is reckoned with, whatever its own
         /// would be; so does one that is pushed there, and none stays away.
         #[test]
@@ -282,6 +284,14 @@ mod tests {
             // One that is pushed begins beyond what is bounded.
             prop_assert!(pushed.is_some() || hardest <= jerk, "{hardest} of {jerk}");
         }
+    }
+
+    /// What is undefined stays so, to be told by whoever sends it.
+    #[test]
+    fn an_undefined_jerk_is_no_end_of_it() {
+        let [speed, change] = TorqueRange::speed_towards(f64::NAN, [0.1, 1.0]);
+        assert!(speed.is_nan() && change.is_nan());
+        assert!(TorqueRange::speed_towards(-1.0, [0.1, 1.0]).iter().all(|x| x.is_finite()));
     }
 
     /// The bound is the same from both sides of where its two parts meet, and so is its slope.

@@ -4,7 +4,9 @@ mod progress;
 mod worker;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
-use super::motion::{Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, ranges_of};
+use super::motion::{
+    Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, leads_upright, ranges_of,
+};
 use crate::control::SelfCollision;
 use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
@@ -129,6 +131,7 @@ where
     ) -> Result<Self, ScenarioError> {
         let mut state = arm.state();
         has_ends(&state, arm.limits())?;
+        leads_upright(&mut state, &scenario.q0, reference.joints(), settings.tilt)?;
         state.update_positions(&scenario.q0);
         let mut this = Self {
             arm: Arc::clone(arm),

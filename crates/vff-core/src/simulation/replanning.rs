@@ -28,7 +28,7 @@ settings! {
         margin: f64 = 0.02, "m", POSITIVE;
         /// For how long what moves is predicted.
         horizon: f64 = 1.0, "s", NOT_NEGATIVE;
-        /// How far the end effector may tilt from how it stands at `q0`, as far as plans decide that; in the plane: turn.
+        /// How far the end effector may tilt from how it stands at `q0`, in the plane: turn. Plans keep to it, not the law that follows.
         tilt: Option<f64> = None, "rad", POSITIVE;
         /// The share of the limits of speed and acceleration.
         speed: f64 = 0.5, "", SHARE;

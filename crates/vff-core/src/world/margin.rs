@@ -2,8 +2,9 @@
 
 /// The margin of a pair: one of its own \[m\], > 0, that takes the place of the usual one, of the law or of a plan; or none.
 ///
-/// Everything that keeps a margin asks here which one that is: barriers by [`share`](Self::share), as along a plan all
-/// margins are lowered alike, and look-ahead by [`as_usual`](Self::as_usual).
+/// Everything that keeps a margin asks here which one that is: barriers by [`of_its_own`](Self::of_its_own), of which a plan keeps
+/// a share, planners by [`share`](Self::share), as near an end all margins are lowered alike, and look-ahead by
+/// [`as_usual`](Self::as_usual).
 ///
 /// # Example
 /// ```

@@ -438,6 +438,6 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
                 radius + low.sup(&high).norm()
             }
         };
-        speed + turned.turning.top_rate() * reach
+        speed + turned.turning.top_rate_within([start, until]) * reach
     }
 }

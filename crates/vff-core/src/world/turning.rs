@@ -245,10 +245,21 @@ impl<const D: usize> Turning<D> {
 
     /// A rate that it never exceeds \[rad/s\].
     pub fn top_rate(&self) -> f64 {
+        self.top_rate_within([f64::NEG_INFINITY, f64::INFINITY])
+    }
+
+    /// The same from one time to another \[s\].
+    pub(super) fn top_rate_within(&self, [from, to]: [f64; 2]) -> f64 {
         let top = |leg: &Leg<D>| {
             leg.curve.as_ref().map_or_else(|| leg.spin.magnitude(), |curve| curve.top_rate)
         };
-        self.legs.iter().map(top).fold(0.0, f64::max)
+        // Each lasts until the next begins; before the first one it is as that one has it.
+        let ends = self.legs.iter().skip(1).map(|leg| leg.from).chain([f64::INFINITY]);
+        let within = self.legs.iter().zip(ends).enumerate();
+        within
+            .filter(|(i, (leg, end))| (*i == 0 || leg.from <= to) && from <= *end)
+            .map(|(_, (leg, _))| top(leg))
+            .fold(0.0, f64::max)
     }
 }
 

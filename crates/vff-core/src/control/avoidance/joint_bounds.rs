@@ -17,7 +17,7 @@ const TOLERATED: f64 = 1.001;
 /// c in (T163): a joint that comes to a stop brakes with 0.29 c of what its torque can do, and at last with 0.39 c.
 const BRAKING: f64 = 2.0;
 
-/// What of the jerk that all joints have together (T176) takes one along its way to a stop, and as much onto it (T200).
+/// The share of the joint jerk of (T176) that a joint uses along its way to a stop; to get onto that way takes as much again (T200).
 const STOPPING: f64 = 0.5;
 
 /// The slowest pole of (T162) \[1/s\]: a joint whose torque hardly carries it is not braked half a turn before its stop.

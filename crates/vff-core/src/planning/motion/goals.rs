@@ -63,7 +63,7 @@ where
             if found.iter().any(|known| tree::distance(known, &q) < SAME) {
                 continue;
             }
-            free += usize::from(self.space.is_free(&q));
+            free += usize::from(self.is_free_and_upright(&q));
             found.push(q);
             if free == GOALS {
                 break;
@@ -73,7 +73,10 @@ where
             sort_by_distance(&mut missed);
             let mut nearest = f64::INFINITY;
             for (_, (residual, mut q)) in missed.into_iter().take(GOALS) {
-                let left = solver.solve_nearby(self.space.robot(), &mut q, pose, residual);
+                let mut left = solver.solve_nearby(self.space.robot(), &mut q, pose, residual);
+                if left.is_reached() {
+                    left = self.solve_upright(&mut solver, &mut q, pose, left);
+                }
                 nearest = nearest.min(left.size(length));
                 self.unwind(&mut q, limits);
                 if left.is_reached() && found.iter().all(|known| tree::distance(known, &q) >= SAME)
@@ -113,6 +116,15 @@ where
             (*q, residual) = (next, there);
         }
         residual
+    }
+
+    /// Whether the arm at `q` touches nothing, and the end effector is as upright as it has to be at a goal.
+    fn is_free_and_upright(&mut self, q: &[f64]) -> bool {
+        let tilt = self.space.tilt.take();
+        let is_free = self.space.is_free(q);
+        let most = tilt.as_ref().map_or(f64::INFINITY, Tilt::most_at_goal);
+        self.space.tilt = tilt;
+        is_free && self.tilt(q) <= most
     }
 
     /// How far the end effector is tilted at `q` \[rad\]; 0 where that does not matter.

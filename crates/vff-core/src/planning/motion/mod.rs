@@ -42,6 +42,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::sync::Arc;
 use tilt::Tilt;
+pub(super) use tilt::leads_upright;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
 use why::{beyond, length, too_far, too_tilted};
 

@@ -82,10 +82,14 @@ fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds)
     let travel =
         |i: usize| path.windows(2).map(|pair| (pair[1][i] - pair[0][i]).abs()).sum::<f64>();
     let most = format!("motions are planned that take up to {LONGEST} s");
+    let [goes, turns] = bounds.tip;
+    let tip = goes.is_finite() || turns.is_finite();
     let slowest = (0..bounds.speed.len())
         .map(|i| (i, travel(i), bounds.speed[i]))
         .max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))
-        .filter(|(_, way, speed)| way / speed > 0.5 * LONGEST || bounds.torque.is_empty());
+        .filter(|(_, way, speed)| {
+            way / speed > 0.5 * LONGEST || (bounds.torque.is_empty() && !tip)
+        });
     let (at, problem) = match slowest {
         Some((i, way, speed)) => {
             let limit = velocity.get(i).filter(|limit| way / **limit > 0.5 * LONGEST);
@@ -101,7 +105,12 @@ fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds)
             } else {
                 format!("too little to get anywhere: {most}")
             };
-            ("arm.torque_limits".into(), problem)
+            let key = match (tip, goes <= turns) {
+                (false, _) => "arm.torque_limits",
+                (true, true) => "controller.command.tip_speed",
+                (true, false) => "controller.command.tip_angular_speed",
+            };
+            (key.into(), problem)
         }
     };
     ScenarioError::new(at, Problem::Other(problem))
@@ -223,10 +232,11 @@ where
                 }
                 let found = &found[0];
                 let why = format!(
-                    "the search came to {:.3} rad from the goal after {} samples; more samples, another seed or a \
-                     smaller margin may help",
+                    "the search came to {:.3} rad from the goal after {} samples; more samples, another seed{} a smaller margin \
+                     may help",
                     found.gap,
                     self.settings.samples - left,
+                    if self.space.tilt.is_some() { ", a greater tilt or" } else { " or" },
                 );
                 failed = Some(Plan {
                     q: found.path.concat(),
@@ -393,6 +403,14 @@ where
                 };
                 if over > 1.0 {
                     stretch *= over.sqrt().max(1.002);
+                    let duration = stretch * law.duration();
+                    if duration > LONGEST {
+                        let problem = format!(
+                            "too little to get anywhere in less than {duration:.0e} s: motions are planned that take up to {LONGEST} s"
+                        );
+                        let key = "controller.command.torque_rate";
+                        return Err(ScenarioError::new(key, Problem::Other(problem)));
+                    }
                 } else if peaks.positions.iter().enumerate().any(leaves) {
                     inset += 1;
                     let Some(inset) = INSETS.get(inset) else { break };
@@ -427,7 +445,7 @@ where
         let adds_gravity = self.command.gravity == Gravity::Controller;
         let [_, end] = spline.span();
         let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
-        for k in 0..checks {
+        for k in 0..if is_checked { checks + 1 } else { 0 } {
             interrupt::checkpoint(64 * n);
             let t = end * f64::from(k) / f64::from(checks);
             spline.at(t, state.each_mut().map(Vec::as_mut_slice));
@@ -529,5 +547,24 @@ where
             };
             (0..=last).map(at).collect()
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// In so many times the time a torque changes as fast as it may, and not before; what is kept already costs nothing.
+        #[test]
+        fn it_takes_as_long_as_it_has_to(
+            motion in 0.0..1e4, gravity in 0.0..1e4, limit in 1.0..1e3, least in 1.0..3.0,
+        ) {
+            let change = |s: f64| motion / (s * s * s) + gravity / s;
+            let found = slower([motion, gravity], limit, least);
+            prop_assert!(found >= least && change(found) <= limit * (1.0 + 1e-12));
+            prop_assert!(found == least || change(found) >= limit * (1.0 - 1e-6), "{found}");
+        }
     }
 }

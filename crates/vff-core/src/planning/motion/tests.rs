@@ -542,7 +542,7 @@ fn what_is_carried_stays_upright() {
     let blocked = plan(&scenario, &settings).unwrap();
     assert_eq!(blocked.status, PlanStatus::GoalBlocked);
     assert!(
-        blocked.message.contains("is tilted by 28.65°, and may be by 16.67°"),
+        blocked.message.contains("is tilted by 28.65°, and may be by 16.33°"),
         "{}",
         blocked.message
     );

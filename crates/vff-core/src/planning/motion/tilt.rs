@@ -7,12 +7,16 @@ use super::levers::Jointed;
 use super::ranges_of;
 use crate::interrupt;
 use crate::math::Vector;
+use crate::scenario::ScenarioError;
+use crate::trajectory::JointSpline;
 use nalgebra::Matrix3;
 use std::collections::VecDeque;
 
 /// The share of what is allowed that a search leaves for corners to be rounded; what a motion keeps to; and what is certain of that.
 const SEARCHED: f64 = 0.85;
 const KEPT: f64 = 0.97;
+/// The same of a goal.
+const AT_GOAL: f64 = 0.95;
 const RESOLUTION: f64 = 0.03;
 /// Near an end that is tilted by more it may be tilted by that and so much of what is allowed, in a search and where corners are rounded;
 /// less by so much per angle that its joints have turned from there.
@@ -40,6 +44,31 @@ pub struct Tilt {
     is_rounded: bool,
     /// What a motion may tilt it beyond what is looked at \[rad\].
     beyond: f64,
+}
+
+/// Refuses other plans that keep to `most` \[rad\] from how the end effector stands at `upright` where `plan` leads to where it leans by
+/// more.
+///
+/// # Errors
+/// At `replan.tilt`.
+pub fn leads_upright<R: Jointed<D>, const D: usize>(
+    robot: &mut R,
+    upright: &[f64],
+    plan: Option<&JointSpline>,
+    most: Option<f64>,
+) -> Result<(), ScenarioError> {
+    let (Some(plan), Some(most)) = (plan, most) else { return Ok(()) };
+    let tilt = Tilt::new(robot, upright, most);
+    robot.update_positions(plan.last());
+    let leans = tilt.of(robot);
+    if leans <= tilt.most_at_goal() {
+        return Ok(());
+    }
+    let requirement = format!(
+        "{:.4} at least, as the end effector leans by {leans:.4} rad where the plan ends",
+        leans / AT_GOAL
+    );
+    Err(ScenarioError::out_of_range("replan.tilt", &requirement, most))
 }
 
 impl Tilt {
@@ -73,9 +102,15 @@ impl Tilt {
         self.is_rounded = true;
     }
 
-    /// For motions that tilt it by no more than this angle beyond what is asked for \[rad\].
+    /// For motions on which nothing turns by more than this angle beyond what is asked for \[rad\]: it is tilted by that much more, and
+    /// may be by as much less as what is allowed falls.
     pub fn and_beyond(&mut self, beyond: f64) {
-        self.beyond = beyond;
+        self.beyond = (1.0 + self.slope()) * beyond;
+    }
+
+    /// By how much what is allowed falls at most, per angle.
+    fn slope(&self) -> f64 {
+        if self.ends.is_empty() { 0.0 } else { SLOPE }
     }
 
     /// What it is allowed \[rad\].
@@ -85,7 +120,7 @@ impl Tilt {
 
     /// What it may be tilted by at a goal \[rad\].
     pub fn most_at_goal(&self) -> f64 {
-        KEPT * self.most
+        AT_GOAL * self.most
     }
 
     /// Where what is level points.
@@ -123,7 +158,7 @@ impl Tilt {
         [a, b]: [&[f64]; 2],
     ) -> bool {
         let whole = turn([a, b]);
-        let slope = if self.ends.is_empty() { 0.0 } else { SLOPE };
+        let slope = self.slope();
         let mut middle = vec![0.0; a.len()];
         let mut parts = VecDeque::from([(0.5, 0.5)]);
         while let Some((at, half)) = parts.pop_front() {

@@ -91,10 +91,13 @@ fn rows<R: Robot<D>, const D: usize>(
             most = most.min((bounds.speed[i] / along).powi(2));
         }
     }
-    robot.update(q, first);
-    let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
-    for (goes, limit) in goes.into_iter().zip(bounds.tip) {
-        if limit.is_finite() && goes > 0.0 {
+    let has_tip = bounds.tip.iter().any(|limit| limit.is_finite());
+    if has_tip || !bounds.torque.is_empty() {
+        robot.update(q, first);
+    }
+    if has_tip {
+        let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
+        for (goes, limit) in goes.into_iter().zip(bounds.tip).filter(|(goes, _)| *goes > 0.0) {
             most = most.min((limit / goes).powi(2));
         }
     }
