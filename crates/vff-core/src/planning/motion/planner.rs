@@ -564,7 +564,7 @@ mod tests {
             let change = |s: f64| motion / (s * s * s) + gravity / s;
             let found = slower([motion, gravity], limit, least);
             prop_assert!(found >= least && change(found) <= limit * (1.0 + 1e-12));
-            prop_assert!(found == least || change(found) >= limit * (1.0 - 1e-6), "{found}");
+            prop_assert!(found <= least || change(found) >= limit * (1.0 - 1e-6), "{found}");
         }
     }
 }
