@@ -238,7 +238,7 @@ impl Live {
 
     /// What has been measured since the start or the last reset, of every control period. There is no tail.
     pub fn metrics(&self) -> Vec<(&'static Metric, Value)> {
-        self.metrics.values(self.run.left_out())
+        self.metrics.values(self.run.left_out(), self.run.left_of_reference())
     }
 
     /// Takes over the settings of a `[controller]` table.

@@ -159,6 +159,9 @@ pub trait ErasedRun: Debug + Send + Any {
     /// [`ClosedLoop::left_out`](crate::simulation::ClosedLoop::left_out).
     fn left_out(&self) -> [Option<u64>; 5];
 
+    /// [`ClosedLoop::left_of_reference`](crate::simulation::ClosedLoop::left_of_reference).
+    fn left_of_reference(&self) -> [Option<f64>; 2];
+
     /// Advances the closed loop alone, without record or metrics, under its own torque or under
     /// `external` \[N·m\]. Returns false if the new state is not finite.
     fn advance(&mut self, external: Option<&[f64]>) -> bool;
@@ -348,6 +351,10 @@ where
 
     fn left_out(&self) -> [Option<u64>; 5] {
         self.closed_loop().left_out()
+    }
+
+    fn left_of_reference(&self) -> [Option<f64>; 2] {
+        self.closed_loop().left_of_reference()
     }
 
     fn advance(&mut self, external: Option<&[f64]>) -> bool {

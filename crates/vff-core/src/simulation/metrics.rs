@@ -181,7 +181,7 @@ impl Ratio {
 ///
 /// let metrics = Metrics::new(3, 1.0, 0.001, Limits::default());
 /// assert_eq!(metrics.collision_time(), None);
-/// let named: Vec<(&Metric, Value)> = metrics.values([None; 5]);
+/// let named: Vec<(&Metric, Value)> = metrics.values([None; 5], [None; 2]);
 /// assert!(named.len() <= METRICS.len() && !named[0].0.meaning.is_empty());
 /// ```
 #[derive(Debug, Clone)]
@@ -200,8 +200,6 @@ pub struct Metrics {
     max_error: [f64; 2],
     max_orientation_error: Option<f64>,
     end_error: [Option<f64>; 2],
-    /// For how long the reference still moves, and how late it is \[s\].
-    end_times: [Option<f64>; 2],
     settling_bound: f64,
     last_outside: Option<f64>,
     settled: bool,
@@ -261,7 +259,6 @@ impl Metrics {
             max_error: [0.0; 2],
             max_orientation_error: None,
             end_error: [None; 2],
-            end_times: [None; 2],
             settling_bound: 0.0,
             last_outside: None,
             settled: false,
@@ -381,11 +378,6 @@ impl Metrics {
             *worst = worst.max(norm(orientation));
         }
         self.end_error = [Some(error), (!orientation.is_empty()).then(|| norm(orientation))];
-        let clock = s.path_time.unwrap_or(s.t);
-        self.end_times = [
-            s.rests_from.map(|rests_from| (rests_from - clock).max(0.0)),
-            s.path_time.map(|sigma| s.t - sigma),
-        ];
         if self.samples == 0 {
             self.settling_bound = (0.02 * error).max(1e-3);
         }
@@ -459,8 +451,13 @@ impl Metrics {
         self.passivity_residual = larger(self.passivity_residual, defect);
     }
 
-    /// The values, in the order of [`METRICS`], with what was [left out](super::ClosedLoop::left_out).
-    pub fn values(&self, left_out: [Option<u64>; 5]) -> Vec<(&'static Metric, Value)> {
+    /// The values, in the order of [`METRICS`], with what was [left out](super::ClosedLoop::left_out), and what is left of the
+    /// [reference](super::ClosedLoop::left_of_reference).
+    pub fn values(
+        &self,
+        left_out: [Option<u64>; 5],
+        end_times: [Option<f64>; 2],
+    ) -> Vec<(&'static Metric, Value)> {
         // What has left the range of numbers is none: a run may end while its sums overflow.
         let number =
             |value: f64| if value.is_finite() { Value::Number(value) } else { Value::None };
@@ -499,8 +496,8 @@ impl Metrics {
             optional(self.max_orientation_error),
             optional(self.end_error[0]),
             optional(self.end_error[1]),
-            optional(self.end_times[0]),
-            optional(self.end_times[1]),
+            optional(end_times[0]),
+            optional(end_times[1]),
             settling,
             number(self.max_repulsion),
             optional(self.max_repulsion_time),

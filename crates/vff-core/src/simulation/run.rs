@@ -192,7 +192,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
             let status = if collided { Status::Collided } else { Status::Completed };
             (status, format!("reached its end at t = {told} s"))
         };
-        let metrics = self.metrics.values(self.closed_loop.left_out());
+        let metrics =
+            self.metrics.values(self.closed_loop.left_out(), self.closed_loop.left_of_reference());
         let replans = self.closed_loop.replans().to_vec();
         let chatter = self.chatter.filter(|_| !self.diverged);
         let warnings = chatter.and_then(|chatter| chatter.sentence()).into_iter().collect();

@@ -64,8 +64,6 @@ pub struct Snapshot<'a> {
     pub x_ref: &'a [f64],
     /// Path time σ \[s\]; `None` without a governor.
     pub path_time: Option<f64>,
-    /// From when on the reference rests, by its own clock \[s\]; `None` if it never does.
-    pub rests_from: Option<f64>,
     /// Where the plan has the joints \[rad\], (n); `None` as long as the reference is none.
     pub q_plan: Option<&'a [f64]>,
     /// What came of watching over the reference; `None` without `[replan]`.

@@ -160,6 +160,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.governor.as_ref().map(|governor| governor.path_time(self.time()))
     }
 
+    /// For how long the reference still moves, by its own clock \[s\], if it ever rests; and how late it is, with a governor only \[s\].
+    pub fn left_of_reference(&self) -> [Option<f64>; 2] {
+        let (t, sigma) = (self.time(), self.path_time());
+        let clock = sigma.unwrap_or(t);
+        let left = |rests_from: f64| (rests_from - clock).max(0.0);
+        [self.stack.trajectory.rests_from().map(left), sigma.map(|sigma| t - sigma)]
+    }
+
     /// Whether the state is finite and no joint turns faster than [`MAX_SPEED`](Self::MAX_SPEED).
     pub(super) fn is_sane(&self) -> bool {
         let slow = self.dq.iter().fold(true, |all, v| all & (v.abs() < Self::MAX_SPEED));
@@ -236,7 +244,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             tip_shares: self.tip_shares(dx),
             x_ref: controller.reference().x.as_slice(),
             path_time: self.path_time(),
-            rests_from: self.stack.trajectory.rests_from(),
             q_plan: self.stack.trajectory.joints().and_then(|_| controller.planned()),
             replans: self.replanning.as_ref().map(|replanning| replanning.counts()),
             error: error.as_slice(),
