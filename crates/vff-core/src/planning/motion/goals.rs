@@ -22,17 +22,20 @@ fn sort_around(start: &[f64], all: &mut [Vec<f64>]) {
     all.sort_by(|a, b| tree::distance(a, start).total_cmp(&tree::distance(b, start)));
 }
 
-impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
+impl<S: SpaceTypes<D>, const D: usize> Planner<'_, S, D>
 where
     S::State: Jointed<D>,
 {
     /// Free or not, configurations that put the end effector at `pose`, each with its joints as near to the start as
     /// full turns bring them. If there are none: how far it stays away \[m\].
-    pub(super) fn configurations(
+    pub(super) fn configurations<const M: usize>(
         &mut self,
-        pose: &S::Pose,
+        pose: &<S as System<D, M>>::Pose,
         limits: &Limits,
-    ) -> Result<Vec<Vec<f64>>, f64> {
+    ) -> Result<Vec<Vec<f64>>, f64>
+    where
+        S: System<D, M>,
+    {
         let n = self.start.len();
         let length = self.arm.characteristic_length();
         let mut solver = Solver::<M>::new(n, length);
@@ -94,13 +97,16 @@ where
 
     /// From a configuration with this `residual` to one near it with the end effector upright, where the pose leaves that open: steps
     /// that right it and steps to the pose take turns.
-    fn solve_upright(
+    fn solve_upright<const M: usize>(
         &mut self,
         solver: &mut Solver<M>,
         q: &mut Vec<f64>,
-        pose: &S::Pose,
+        pose: &<S as System<D, M>>::Pose,
         mut residual: Residual,
-    ) -> Residual {
+    ) -> Residual
+    where
+        S: System<D, M>,
+    {
         for _ in 0..RIGHTINGS {
             let before = self.tilt(q);
             let Some(tilt) = &self.space.tilt else { break };

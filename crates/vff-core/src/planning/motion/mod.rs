@@ -28,7 +28,7 @@ use crate::scenario::{
     unusable,
 };
 use crate::settings::{FINITE, NOT_NEGATIVE, POSITIVE};
-use crate::simulation::{System, hide_unseen};
+use crate::simulation::{SpaceTypes, System, hide_unseen};
 use crate::trajectory::{Guided, JointSpline, Knots, Peaks, Trajectory};
 use crate::world::World;
 use curve::Curve;
@@ -37,7 +37,7 @@ pub use levers::Jointed;
 use margins::{APART, End, Margins, SHARE};
 pub use plan::{Plan, PlanSettings, PlanStatus};
 pub(super) use planner::ranges_of;
-use planner::{Planner, STREAM};
+use planner::{Aim, Planner, STREAM};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -214,7 +214,7 @@ where
         let mut space = FreeSpace::new(arm.state(), world, window, *keeps_apart, margin);
         let upright = settings.upright.as_ref().unwrap_or(start);
         space.tilt = settings.tilt.map(|most| Tilt::new(space.robot(), upright, most));
-        let mut planner = Planner::<S, D, M> {
+        let mut planner = Planner::<S, D> {
             space,
             arm: Arc::clone(arm),
             settings,
@@ -222,7 +222,11 @@ where
             command,
             noise: Noise::new(settings.seed, STREAM),
         };
-        planner.plan(goal)
+        match goal {
+            Goal::Configuration(q) => planner.plan(Aim::At(q)),
+            Goal::Pose(pose) => planner
+                .plan(Aim::Found(&mut |planner, limits| planner.configurations::<M>(pose, limits))),
+        }
     }
 
     /// Whether the straight motion to `end` touches nothing that stands still.

@@ -28,8 +28,8 @@ const REFINEMENTS: u32 = 3;
 /// Instants per knot at which torques are checked.
 pub(super) const CHECKS: u32 = 4;
 
-/// A search under way.
-pub(super) struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
+/// A search under way. Whatever the task, it is compiled once for each space: which configurations have a pose is asked of whoever knows.
+pub(super) struct Planner<'a, S: SpaceTypes<D>, const D: usize> {
     pub arm: Arc<S::Arm>,
     pub space: FreeSpace<S::State, S::Geometry, D>,
     pub settings: &'a PlanSettings,
@@ -37,6 +37,18 @@ pub(super) struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
     /// What the law that will follow sends to the robot.
     pub command: &'a CommandSettings,
     pub noise: Noise,
+}
+
+/// Finds configurations within limits for a planner, or how far the end effector stays away from where it is to go \[m\].
+pub(super) type Configurations<'g, P> =
+    dyn FnMut(&mut P, &Limits) -> Result<Vec<Vec<f64>>, f64> + 'g;
+
+/// Where a motion has to end.
+pub(super) enum Aim<'g, P> {
+    /// At a configuration.
+    At(&'g [f64]),
+    /// At one of those that are found.
+    Found(&'g mut Configurations<'g, P>),
 }
 
 /// A motion, and what each link is certain to keep at its knots \[m\], and of margins of their own.
@@ -116,11 +128,11 @@ fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds)
     ScenarioError::new(at, Problem::Other(problem))
 }
 
-impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
+impl<S: SpaceTypes<D>, const D: usize> Planner<'_, S, D>
 where
     S::State: Jointed<D>,
 {
-    pub fn plan(&mut self, goal: &Goal<S::Pose>) -> Result<Plan, ScenarioError> {
+    pub fn plan(&mut self, goal: Aim<'_, Self>) -> Result<Plan, ScenarioError> {
         let start = self.start.clone();
         let limits = self.arm.limits().clone();
         let inside = |q: &[f64]| {
@@ -156,14 +168,12 @@ where
             return Ok(Plan { clearance, ..blocked });
         }
         let candidates = match goal {
-            Goal::Configuration(q) if !inside(q) => {
+            Aim::At(q) if !inside(q) => {
                 let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
                 Err((f64::INFINITY, why.unwrap_or_default()))
             }
-            Goal::Configuration(q) => Ok(vec![q.clone()]),
-            Goal::Pose(pose) => {
-                self.configurations(pose, &limits).map_err(|gap| (gap, too_far(gap)))
-            }
+            Aim::At(q) => Ok(vec![q.to_vec()]),
+            Aim::Found(find) => find(self, &limits).map_err(|gap| (gap, too_far(gap))),
         };
         let candidates = match candidates {
             Ok(candidates) => candidates,

@@ -3,7 +3,7 @@
 use super::planner::{CHECKS, Certified, Planner};
 use super::*;
 
-impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
+impl<S: SpaceTypes<D>, const D: usize> Planner<'_, S, D>
 where
     S::State: Jointed<D>,
 {
