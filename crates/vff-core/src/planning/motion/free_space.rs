@@ -394,6 +394,14 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         blocker.is_none()
     }
 
+    /// How far the end effector is tilted at `q` \[rad\]; 0 where that does not matter.
+    pub fn tilt_at(&mut self, q: &[f64]) -> f64 {
+        self.tilt.as_ref().map_or(0.0, |tilt| {
+            self.robot.update_positions(q);
+            tilt.of(&self.robot)
+        })
+    }
+
     /// Moves `q` to where the end effector is tilted by no more than it may; whether it is not where it was.
     pub fn level(&mut self, q: &mut [f64]) -> bool {
         self.tilt.as_ref().is_some_and(|tilt| tilt.level(&mut self.robot, q))

@@ -108,15 +108,14 @@ where
         S: System<D, M>,
     {
         for _ in 0..RIGHTINGS {
-            let before = self.tilt(q);
-            let Some(tilt) = &self.space.tilt else { break };
-            if before <= tilt.most_at_goal() {
+            let before = self.space.tilt_at(q);
+            if before <= self.most_at_goal() {
                 break;
             }
-            let (tilt, mut next) = (tilt.clone(), q.clone());
-            tilt.level(self.space.robot(), &mut next);
+            let mut next = q.clone();
+            self.space.level(&mut next);
             let there = solver.solve(self.space.robot(), &mut next, pose);
-            if !there.is_reached() || self.tilt(&next) >= before {
+            if !there.is_reached() || self.space.tilt_at(&next) >= before {
                 break;
             }
             (*q, residual) = (next, there);
@@ -128,17 +127,13 @@ where
     fn is_free_and_upright(&mut self, q: &[f64]) -> bool {
         let tilt = self.space.tilt.take();
         let is_free = self.space.is_free(q);
-        let most = tilt.as_ref().map_or(f64::INFINITY, Tilt::most_at_goal);
         self.space.tilt = tilt;
-        is_free && self.tilt(q) <= most
+        is_free && self.space.tilt_at(q) <= self.most_at_goal()
     }
 
-    /// How far the end effector is tilted at `q` \[rad\]; 0 where that does not matter.
-    pub(super) fn tilt(&mut self, q: &[f64]) -> f64 {
-        let Some(tilt) = &self.space.tilt else { return 0.0 };
-        let tilt = tilt.clone();
-        self.space.robot().update_positions(q);
-        tilt.of(self.space.robot())
+    /// What the end effector may be tilted by at a goal \[rad\].
+    fn most_at_goal(&self) -> f64 {
+        self.space.tilt.as_ref().map_or(f64::INFINITY, Tilt::most_at_goal)
     }
 
     /// Those goals where the end effector is upright enough.
@@ -146,14 +141,13 @@ where
     /// # Errors
     /// If there are none, in a sentence.
     pub(super) fn level(&mut self, mut goals: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>, String> {
-        let Some(tilt) = self.space.tilt.clone() else { return Ok(goals) };
-        let mut least = f64::INFINITY;
+        let (mut least, most) = (f64::INFINITY, self.most_at_goal());
         goals.retain(|q| {
-            let tilted = self.tilt(q);
+            let tilted = self.space.tilt_at(q);
             least = least.min(tilted);
-            tilted <= tilt.most_at_goal()
+            tilted <= most
         });
-        if goals.is_empty() { Err(too_tilted(least, tilt.most_at_goal())) } else { Ok(goals) }
+        if goals.is_empty() { Err(too_tilted(least, most)) } else { Ok(goals) }
     }
 
     /// Begins a search with what may be tilted at its ends.

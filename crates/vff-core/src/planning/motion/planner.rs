@@ -451,11 +451,14 @@ where
         let mut most = speeds.chain(pulls).fold(0.0, f64::max);
         let has_tip = bounds.tip.iter().any(|limit| limit.is_finite());
         let is_checked = has_tip || !bounds.torque.is_empty() || !bounds.rate.is_empty();
-        let checks = if is_checked { CHECKS * knots } else { 0 };
+        if !is_checked {
+            return most;
+        }
+        let checks = CHECKS * knots;
         let adds_gravity = self.command.gravity == Gravity::Controller;
         let [_, end] = spline.span();
         let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
-        for k in 0..if is_checked { checks + 1 } else { 0 } {
+        for k in 0..=checks {
             interrupt::checkpoint(64 * n);
             let t = end * f64::from(k) / f64::from(checks);
             spline.at(t, state.each_mut().map(Vec::as_mut_slice));

@@ -54,7 +54,7 @@ where
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
                 let nearer = self.space.clearance_within(&state[0], plan.clearance);
                 plan.clearance = plan.clearance.min(nearer);
-                plan.tilt = plan.tilt.map(|most| most.max(self.tilt(&state[0])));
+                plan.tilt = plan.tilt.map(|most| most.max(self.space.tilt_at(&state[0])));
                 if let Some((depth, links)) = self.space.passed_through(&state[0])
                     && through.as_ref().is_none_or(|(most, ..)| depth > *most)
                 {
