@@ -248,7 +248,7 @@ OPTIONS: dict[str, Option] = {
         ("needs a reference that comes to rest", "needs obstacles that are known", "slides without an end"),
     ),
     "replanning upright": Option(
-        lambda _: {"replan": {"tilt": 0.5}},
+        lambda _: {"replan": {"tilt": 0.5, "acceleration": 2.0, "jerk": 50.0}},
         (
             "needs a reference that comes to rest",
             "needs obstacles that are known",

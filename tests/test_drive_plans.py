@@ -12,7 +12,7 @@ import pytest
 
 import vffnull as vff
 from test_replan import STRAIGHT
-from vffnull.errors import InputTypeError, ScenarioError
+from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.robots.emulated import franka
 from vffnull.robots.franka import FrankaRobot
 from vffnull.robots.simulated import SimulatedRobot
@@ -150,6 +150,81 @@ def test_another_plan_is_made() -> None:
     with vff.drive(SimulatedRobot(BLOCKED), vff.Scenario.from_dict(BLOCKED).replace(replan=None)) as alone:
         wait_for(lambda: (alone.state.path_time or 0.0) > 4.5)
     assert alone.report.replans == () and np.linalg.norm(alone.state.x - goal) > 0.05
+
+
+class Servo:
+    """A robot that is wherever it is told to be."""
+
+    command = "position"
+
+    def __init__(self, q: Any) -> None:
+        self.t, self.q, self.dq = 5.0, np.array(q), np.zeros(len(q))
+
+    def read(self) -> Any:
+        return self.t, self.q, self.dq
+
+    def write(self, command: Any, /) -> None:
+        self.q, self.dq = command.copy(), (command - self.q) / 1e-3
+        self.t += 1e-3
+
+
+def columns(log: Any, name: str) -> Any:
+    return log[[f"{name}_{i}" for i in range(7) if f"{name}_{i}" in log]].to_numpy()
+
+
+def test_set_points_refuse_a_plan_that_they_cannot_follow(tmp_path: Path) -> None:
+    """One that is within their limits is followed, and keeps from what it was planned around."""
+    goal = SHELF["reference"]["points"][-1]
+    slow = {"acceleration": 0.5, "jerk": 5.0}
+
+    def limited(plan: vff.Plan, **limits: float) -> tuple[Servo, vff.Drive]:
+        scene, robot = SHELF.replace(reference=plan.reference, replan=None), Servo(SHELF["q0"])
+        seconds, most = plan.duration + 2.0, slow | limits
+        return robot, vff.drive(robot, scene, seconds=seconds, limits=most, record_to=tmp_path / "log.arrows")
+
+    quick = vff.plan(SHELF, goal, horizon=0)
+    for says, limits in {
+        "speed: the plan of the reference takes up to": {"acceleration": 50.0, "jerk": 5000.0, "speed": 0.1},
+        "acceleration: the plan .* of joint": {"jerk": 5000.0},
+        r"jerk: the plan .* more than 5[;,]": {"acceleration": 50.0},
+    }.items():
+        with pytest.raises(InputError, match=f"limits: {says}"):
+            limited(quick, **limits)
+    plan = vff.plan(SHELF, goal, horizon=0, **slow)
+    robot, driven = limited(plan)
+    with driven:
+        assert driven.wait(HANG)
+    assert driven.report.status == "completed", driven.report.reason
+    np.testing.assert_allclose(robot.q, goal, atol=0.02)
+    log = vff.StreamRecorder.read(tmp_path / "log.arrows").to_pandas()
+    assert np.nanmin(columns(log, "clearance")) > 0.5 * plan.clearance
+
+
+def test_set_points_are_planned_for_within_their_limits(tmp_path: Path) -> None:
+    """A disc is in the way: another plan is found beside the loop, and asks for no more than there is."""
+    slow = {"speed": 0.4, "acceleration": 1.0, "jerk": 20.0}
+    quiet = vff.plan(
+        vff.Scenario.from_dict(BLOCKED).replace(obstacles=[], replan=None),
+        BLOCKED["reference"]["points"][-1],
+        speed=0.13,
+        acceleration=4.0,
+        jerk=40.0,
+    )
+    scene = vff.Scenario.from_dict(BLOCKED).replace(reference=quiet.reference)
+    robot = Servo(BLOCKED["q0"])
+    with vff.drive(
+        robot, scene, seconds=15.0, limits=slow, record_to=tmp_path / "log.arrows", record_every=1
+    ) as driven:
+        assert driven.wait(HANG)
+    assert driven.report.status == "completed", driven.report.reason
+    taken = [each.taken for each in driven.report.replans if each.taken is not None]
+    assert taken
+    log = vff.StreamRecorder.read(tmp_path / "log.arrows").to_pandas()
+    plan, q = columns(log, "q_plan"), columns(log, "q")
+    pulls = abs(np.diff(plan, 2, axis=0)).max() / 1e-6
+    assert 0.3 < pulls <= 1.0 + 1e-3 and np.nanmax(abs(q - plan)) < 2e-3
+    assert np.nanmin(columns(log, "clearance")) > 0.0
+    np.testing.assert_allclose(q[-1], plan[-1], atol=1e-3)
 
 
 def test_a_target_takes_the_place_of_the_plan() -> None:

@@ -549,6 +549,41 @@ def test_a_torque_that_holds_the_arm_changes_no_faster_than_it_may(who: str) -> 
     assert 0.8 * 30.0 < fastest <= 1.01 * 30.0
 
 
+@pytest.mark.parametrize("name", ["panda-shelf", "narrow-gap"])
+@pytest.mark.parametrize(
+    ("limits", "speed"),
+    [
+        ({"acceleration": 2.0}, 0.5),
+        ({"jerk": 60.0}, 1.0),
+        ({"acceleration": 1.0, "jerk": 5.0}, 0.5),
+        ({"acceleration": 6.0, "jerk": 2000.0}, 1.0),
+    ],
+)
+def test_limits_of_acceleration_and_jerk_are_kept(name: str, limits: dict[str, float], speed: float) -> None:
+    """By differences of what the follower gets, one of them nearly used."""
+    plan = vff.plan(name, horizon=0, speed=speed, **limits)
+    assert plan.status == "found" and plan.clearance > 0.0, plan.message
+    times = np.linspace(0.0, plan.duration, 4001)
+    ddq = np.gradient(plan.at(times)[1], times, axis=0)
+    jerk = np.diff(np.vstack([0.0 * plan.ddq[:1], plan.ddq, 0.0 * plan.ddq[:1]]), axis=0) / np.diff(plan.t)[0]
+    used = {"acceleration": abs(ddq).max(), "jerk": abs(jerk).max()}
+    shares = {key: used[key] / (speed * most) for key, most in limits.items()}
+    assert max(shares.values()) <= 1.001, shares
+    fastest = abs(plan.at(times)[1]).max() / (3.0 * speed)
+    assert max(*shares.values(), fastest) > 0.6, shares
+    each = {key: [value] * plan.q.shape[1] for key, value in limits.items()}
+    np.testing.assert_array_equal(vff.plan(name, horizon=0, speed=speed, **each).q, plan.q)
+
+
+def test_limits_that_are_none_are_refused() -> None:
+    for key in ("acceleration", "jerk"):
+        for bad in (0.0, -1.0, np.nan, np.inf, [1.0, 2.0], "fast", [[1.0]], 1e-12):
+            with pytest.raises((InputError, InputTypeError, ScenarioError), match=key):
+                vff.plan(GAP, **{key: bad})
+        with pytest.raises(ScenarioError, match=f"replan.{key}"):
+            vff.simulate(vff.Scenario.load("narrow-gap").replace(replan={key: [1.0]}))
+
+
 def test_what_is_carried_leans_no_more_than_it_may() -> None:
     """In space and in the plane; on every leg of a tour from how it stood first."""
     cup = vff.Scenario.load("panda-shelf").replace(**{"controller.task": "position"})

@@ -1942,6 +1942,8 @@ def plan(
     horizon: float | None,
     tilt: float | None,
     upright: Sequence[float] | None,
+    acceleration: Sequence[float] | None,
+    jerk: Sequence[float] | None,
     speed: float,
     samples: int,
     paths: int,
@@ -1966,8 +1968,10 @@ def plan(
         How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
     upright : list of float or None
         The configuration in which it stands upright [rad]; the start by default.
+    acceleration, jerk : list of float or None
+        What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane and 10 in space, and any.
     speed : float
-        Share of the limits of speed and acceleration, in (0, 1].
+        Share of the limits of speed, acceleration and jerk, in (0, 1].
     samples : int
         How many random configurations are tried.
     paths : int

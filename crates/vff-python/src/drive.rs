@@ -84,7 +84,10 @@ impl Driver for InPython {
         self.with(|_, robot| {
             let state = robot.call_method0("read")?;
             let sentence = "read(): expected a tuple of time, q and dq";
-            let three = sequence_of_three(&state).ok_or_else(|| wrong_type(sentence, &state))?;
+            let three = sequence_of_three(&state).ok_or_else(|| match state.len() {
+                Ok(items) => InputError::new_err(format!("{sentence}, got {items} items")),
+                Err(_) => wrong_type(sentence, &state),
+            })?;
             let [t, given_q, given_dq] = three;
             copy_vector("q", &given_q, q)?;
             copy_vector("dq", &given_dq, dq)?;
@@ -92,19 +95,18 @@ impl Driver for InPython {
         })
     }
 
-    fn torque(&mut self, tau: &mut [f64]) -> bool {
-        let known = self.with(|_, robot| match robot.getattr_opt("torque")? {
+    fn torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
+        self.with(|_, robot| match robot.getattr_opt("torque")? {
             Some(method) => {
                 let given = method.call0()?;
                 if given.is_none() {
                     return Ok(false);
                 }
-                read_vector("torque()", &given, tau)?;
+                copy_vector("torque()", &given, tau)?; // one that is not finite is not believed
                 Ok(true)
             }
             None => Ok(false),
-        });
-        known.unwrap_or(false) // what cannot be measured need not be
+        })
     }
 
     fn external_torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
@@ -542,7 +544,7 @@ impl DriveLoop {
         Ok((self.columns(py, &rows.values, false)?, rows.lost))
     }
 
-    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``missed``,
+    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``clearance``, ``missed``,
     /// ``skipped``, ``notes``, histograms. None while it runs.
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let over = lock(&self.end.report);
@@ -559,6 +561,7 @@ impl DriveLoop {
         found.set_item("periods", report.periods)?;
         found.set_item("replans", replans(py, &report.replans)?)?;
         found.set_item("left_out", report.left_out.named().into_py_dict(py)?)?;
+        found.set_item("clearance", report.closest.distance)?;
         found.set_item("missed", report.timing.missed)?;
         found.set_item("skipped", report.timing.skipped)?;
         found.set_item("notes", [report.notes, refused].concat())?;

@@ -7,6 +7,7 @@ use crate::run::prepared;
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use vff_core::math::ScalarOrVec;
 use vff_core::planning::motion::{self, PlanSettings};
 use vff_core::trajectory::JointSpline;
 
@@ -29,8 +30,10 @@ use vff_core::trajectory::JointSpline;
 ///     How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
 /// upright : list of float or None
 ///     The configuration in which it stands upright [rad]; the start by default.
+/// acceleration, jerk : list of float or None
+///     What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane and 10 in space, and any.
 /// speed : float
-///     Share of the limits of speed and acceleration, in (0, 1].
+///     Share of the limits of speed, acceleration and jerk, in (0, 1].
 /// samples : int
 ///     How many random configurations are tried.
 /// paths : int
@@ -49,7 +52,7 @@ use vff_core::trajectory::JointSpline;
 /// vffnull.errors.ScenarioError
 ///     If the scenario cannot be read, or a setting is of no use.
 #[pyfunction]
-#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, speed, samples, paths, seed))]
+#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, acceleration, jerk, speed, samples, paths, seed))]
 #[expect(clippy::too_many_arguments, reason = "each by its name in Python")]
 pub fn plan<'py>(
     py: Python<'py>,
@@ -61,6 +64,8 @@ pub fn plan<'py>(
     horizon: Option<f64>,
     tilt: Option<f64>,
     upright: Option<Vec<f64>>,
+    acceleration: Option<Vec<f64>>,
+    jerk: Option<Vec<f64>>,
     speed: f64,
     samples: usize,
     paths: usize,
@@ -74,6 +79,8 @@ pub fn plan<'py>(
         horizon,
         tilt,
         upright,
+        acceleration: acceleration.map(ScalarOrVec::Each),
+        jerk: jerk.map(ScalarOrVec::Each),
         speed,
         samples,
         paths,

@@ -39,6 +39,14 @@ def _lists(
     return tuple(found)
 
 
+def _each(_context: click.Context, param: click.Parameter, text: str | None) -> float | list[float] | None:
+    """A number, or several between commas."""
+    if text is None:
+        return None
+    numbers = _lists(_context, param, (text,))[0]
+    return numbers if len(numbers) > 1 else numbers[0]
+
+
 def _seconds(_context: click.Context, param: click.Parameter, text: str) -> float | None:
     """A time [s], or none."""
     if text == "none":
@@ -85,6 +93,18 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     metavar="ANGLE",
     help="How far the end effector may lean [rad]; by default that does not matter.",
 )
+@click.option(
+    "--acceleration",
+    callback=_each,
+    metavar="A[,B,…]",
+    help="The limit of all joints, or of each [rad/s²]; by default 30 in the plane, 10 in space.",
+)
+@click.option(
+    "--jerk",
+    callback=_each,
+    metavar="A[,B,…]",
+    help="The limit of all joints, or of each [rad/s³]; by default none.",
+)
 @click.option("--samples", type=int, default=50_000, show_default=True, help="When to give up.")
 @click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
@@ -100,6 +120,8 @@ def plan(
     speed: float,
     horizon: float | None,
     tilt: float | None,
+    acceleration: float | list[float] | None,
+    jerk: float | list[float] | None,
     samples: int,
     paths: int,
     seed: int,
@@ -130,8 +152,20 @@ def plan(
     if orientation:
         goals = [{"position": p, "orientation": q} for p, q in zip(goal, orientation, strict=True)]
     given = goals if len(goals) > 1 else next(iter(goals), None)
-    tried = {"samples": samples, "paths": paths, "seed": seed}
-    found = find(ready, given, pause=pause, margin=margin, speed=speed, horizon=horizon, tilt=tilt, **tried)
+    found = find(
+        ready,
+        given,
+        pause=pause,
+        margin=margin,
+        horizon=horizon,
+        tilt=tilt,
+        acceleration=acceleration,
+        jerk=jerk,
+        speed=speed,
+        samples=samples,
+        paths=paths,
+        seed=seed,
+    )
     if out is not None:
         found.save(out)
     if as_json:

@@ -37,6 +37,8 @@ def plan(
     margin: float = 0.02,
     horizon: float | None = 1.0,
     tilt: float | None = None,
+    acceleration: ArrayLike | None = None,
+    jerk: ArrayLike | None = None,
     speed: float = 0.5,
     samples: int = 50_000,
     paths: int = 4,
@@ -74,10 +76,15 @@ def plan(
         How far the end effector may lean from how it stands at the start [rad], > 0, whichever way it turns
         about the vertical; in the plane how far it may turn. By default that does not matter. Of several
         goals, from how it stands before the first.
+    acceleration : float or (n,) array_like, optional
+        The limit of acceleration [rad/s²], > 0, for all joints or one each; 30 rad/s² in the plane and
+        10 rad/s² in space by default.
+    jerk : float or (n,) array_like, optional
+        The limit of jerk [rad/s³], > 0. By default that does not matter; accelerations come and go
+        within 60 ms.
     speed : float, optional
-        The share of the limits of speed and acceleration that is used, in (0, 1]. Joints without a limit
-        of speed take 3 rad/s for it; the limit of acceleration is 30 rad/s² in the plane and 10 rad/s² in
-        space. Of a torque limit 80 % are used, gravity included.
+        The share of the limits of speed, acceleration and jerk that is used, in (0, 1]. Joints without a
+        limit of speed take 3 rad/s for it. Of a torque limit 80 % are used, gravity included.
     samples : int, optional
         How many random configurations are tried before the search gives up.
     paths : int, optional
@@ -126,6 +133,8 @@ def plan(
         "horizon": None if horizon is None else _finite("horizon", horizon),
         "tilt": None if tilt is None else positive("tilt", tilt),
         "upright": None if tilt is None else document["q0"] if at is None else at,
+        "acceleration": _each("acceleration", acceleration, len(document["q0"])),
+        "jerk": _each("jerk", jerk, len(document["q0"])),
         "speed": _finite("speed", speed),
         "samples": whole("samples", samples, 0, _MAX_SAMPLES),
         "paths": whole("paths", paths, 1, _MAX_PATHS),
@@ -240,6 +249,13 @@ def _vector(name: str, value: Any, n: int) -> list[float]:
     if len(found) != n:
         raise InputError(f"{name}: expected {n} numbers, got {len(found)}")
     return found
+
+
+def _each(name: str, value: Any, n: int) -> list[float] | None:
+    """One number for each joint, from one each or one for all."""
+    if value is None:
+        return None
+    return [number(name, value)] * n if np.ndim(value) == 0 else _vector(name, value, n)
 
 
 def _finite(name: str, value: object) -> float:

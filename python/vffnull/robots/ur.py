@@ -124,6 +124,8 @@ class URRobot:
         }
         if command not in writers:
             raise InputError(f"command: must be one of {', '.join(writers)}, got {command!r}")
+        if command != "torque" and not isinstance(robot, str | tuple):
+            raise InputError(f"command: an emulated robot takes torques alone, got {command!r}")
         self.command: CommandKind = command
         self._writer = writers[command]
         self._period = 1.0 / within("frequency", frequency, 1.0, 500.0)

@@ -8,6 +8,7 @@ import warnings
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from math import isfinite
 from types import SimpleNamespace, TracebackType
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -121,6 +122,9 @@ class DriveReport(Clock):
         Deviation of the interval between two starts from the period.
     lost : int
         Rows of the recording that were lost because its thread came too late.
+    clearance : float
+        The least distance of a link from an obstacle that the law knew [m], at the set points of a robot
+        that takes them: negative in contact, which the notes name; infinite without obstacles.
     replans : tuple of Replan
         Every search for a plan.
     left_out : dict
@@ -134,6 +138,7 @@ class DriveReport(Clock):
     cause: BaseException | None
     skipped: int
     lost: int
+    clearance: float
     replans: tuple[Replan, ...] = ()
     left_out: dict[str, int] = field(default_factory=dict)
 
@@ -149,6 +154,7 @@ class DriveReport(Clock):
             "missed": self.missed,
             "skipped": self.skipped,
             "lost": self.lost,
+            "clearance": self.clearance if isfinite(self.clearance) else None,
             "replans": [asdict(each) for each in self.replans],
             "left_out": dict(self.left_out),
             "notes": list(self.notes),
@@ -157,7 +163,8 @@ class DriveReport(Clock):
 
     def __repr__(self) -> str:
         why = f" ({self.reason})" if self.reason else ""
-        return f"<DriveReport: {self.status}{why}. {self.verdict}>"
+        contact = f" In contact, by {-1e3 * self.clearance:.1f} mm." if self.clearance < 0.0 else ""
+        return f"<DriveReport: {self.status}{why}.{contact} {self.verdict}>"
 
 
 class Drive:

@@ -1,6 +1,7 @@
 //! The settings of a controller, resolved for one robot.
 
 use super::metric::TaskMetric;
+use super::motion_limits::MotionLimits;
 use super::settings::Settings;
 use crate::math::ScalarOrVec;
 use crate::robot::{Model, Robot};
@@ -81,6 +82,8 @@ pub struct Gains<const M: usize> {
     pub posture: Vec<(f64, f64)>,
     /// See [`Settings::characteristic_length`].
     pub characteristic_length: f64,
+    /// What moves the joints, where that is no torque.
+    pub moved: Option<MotionLimits>,
     /// Where the random numbers of look-ahead come from.
     pub seed: u64,
     settings: Settings,
@@ -122,6 +125,7 @@ impl<const M: usize> Gains<M> {
             null_damping: NullDamping::new(&settings.null_damping),
             posture: posture_of(settings).collect(),
             characteristic_length: settings.characteristic_length.unwrap_or(1.0),
+            moved: None,
             seed: 0,
             settings: settings.clone(),
         }
@@ -131,6 +135,17 @@ impl<const M: usize> Gains<M> {
     #[must_use]
     pub fn of_arm<A: Model<D>, const D: usize>(self, settings: &Settings, arm: &A) -> Self {
         Self { characteristic_length: settings.length_of(arm), ..self }
+    }
+
+    /// The same for joints that are moved within these limits, if any, whatever the torque.
+    #[must_use]
+    pub fn moved_within(self, moved: Option<MotionLimits>) -> Self {
+        Self { moved, ..self }
+    }
+
+    /// Of k of distances what joints that are no torque's can keep \[1/s\] (T201).
+    pub(super) fn suited(&self, rate: f64) -> f64 {
+        rate.min(self.moved.as_ref().map_or(f64::INFINITY, MotionLimits::barrier_rate))
     }
 
     /// The same with random numbers from `seed`.

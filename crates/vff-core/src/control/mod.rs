@@ -19,6 +19,7 @@ mod gains;
 pub mod law;
 pub mod limits;
 pub mod metric;
+mod motion_limits;
 mod moving_posture;
 pub mod observer;
 pub mod operational_space;
@@ -41,9 +42,10 @@ pub use gains::{Gains, NullDamping};
 pub use law::{Law, Torque};
 pub use limits::ObjectiveScale;
 pub use metric::TaskMetric;
+pub use motion_limits::MotionLimits;
 pub use operational_space::OperationalSpace;
 pub use output::Output;
-pub use sampling::StablePeriod;
+pub use sampling::{StablePeriod, Unstable};
 pub use settings::{
     Avoidance, CommandSettings, Formulation, Gravity, Part, PreviewSettings, Projection,
     SelfCollision, SelfMotionSettings, Settings, TaskKind, Yielding,

@@ -1,11 +1,11 @@
 //! How long a torque may be held: the sampled bounds of the null space (T31, T34).
 
 use super::push_of_many::{ratios, to_the_seventh};
-use super::{Gains, OperationalSpace};
+use super::{Gains, OperationalSpace, Settings};
 use crate::field::{Field, Response};
 use crate::geometry::Body;
 use crate::interrupt;
-use crate::math::{Vector, dot};
+use crate::math::{ScalarOrVec, Vector, dot};
 use crate::robot::Robot;
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
@@ -35,6 +35,66 @@ pub struct StablePeriod {
     pub stiffness: f64,
     /// Clearance \[m\] of that contact; infinite if there is none.
     pub clearance: f64,
+}
+
+/// A gain that a torque held over the control period makes unstable (T31, T32).
+///
+/// # Example
+/// ```
+/// use vff_core::control::{Settings, Unstable};
+///
+/// let settings = Settings::default();
+/// assert!(Unstable::all(&settings, 1e-3).is_empty());
+/// let all = Unstable::all(&settings, 1.0);
+/// assert!(all[0].to_string().starts_with("null_damping: "));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Unstable {
+    /// A damping that is too strong.
+    #[error(
+        "{key}: {rate} 1/s is unstable at a control period of {period} s; below {} 1/s it is not",
+        2.0 / period
+    )]
+    Damping {
+        /// The key below `controller`.
+        key: &'static str,
+        /// \[1/s\].
+        rate: f64,
+        /// \[s\].
+        period: f64,
+    },
+    /// A damping of the task that is too weak for its stiffness.
+    #[error(
+        "damping: {damping} 1/s is too little for a stiffness of {stiffness} 1/s² at a control period of {period} s; above {} 1/s it is enough",
+        0.5 * period * stiffness
+    )]
+    Stiffness {
+        /// \[1/s\].
+        damping: f64,
+        /// \[1/s²\].
+        stiffness: f64,
+        /// \[s\].
+        period: f64,
+    },
+}
+
+impl Unstable {
+    /// What of these settings is unstable at a control period \[s\].
+    pub fn all(settings: &Settings, period: f64) -> Vec<Self> {
+        let Settings { stiffness, damping, null_damping, .. } = settings;
+        let strong = |key, rates: &ScalarOrVec| {
+            let rate = rates.values().iter().copied().fold(0.0, f64::max);
+            (rate * period >= 2.0).then_some(Self::Damping { key, rate, period })
+        };
+        let axes = 0..stiffness.values().len().max(damping.values().len());
+        let weak = axes.map(|i| (stiffness.get(i), damping.get(i)));
+        let weak = weak.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * period * k >= *d);
+        let weak = weak.map(|(stiffness, damping)| Self::Stiffness { damping, stiffness, period });
+        [strong("null_damping", null_damping), weak, strong("damping", damping)]
+            .into_iter()
+            .flatten()
+            .collect()
+    }
 }
 
 /// The bound at the present state: (h/2) K_n ≺ D_n ≺ (2/h) Λ_n, with K_n = Zᵀ Σ J_cᵀn̂ U'' n̂ᵀJ_c Z of all

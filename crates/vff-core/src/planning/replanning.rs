@@ -1,16 +1,17 @@
 //! Makes a plan while a reference is being followed, where that leads nowhere: another plan (T121), or the first one (T179).
 
 mod progress;
+mod search;
 mod worker;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use super::motion::{
     Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, leads_upright, ranges_of,
 };
-use crate::control::SelfCollision;
+use crate::control::{MotionLimits, SelfCollision};
 use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
-use crate::math::{Pose, Vector};
+use crate::math::{Pose, ScalarOrVec, Vector};
 use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
@@ -18,10 +19,11 @@ use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Re
 use crate::trajectory::{JointSpline, Pace, Trajectory};
 use crate::world::{CollisionQuery, PairMargin, World};
 use progress::{Place, Progress};
+use search::{Found, Search};
 use std::mem::{replace, swap};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{TryRecvError, channel};
 use worker::Worker;
 
 /// Time between two places of a plan that are looked at \[s\].
@@ -83,35 +85,6 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     progress: Progress,
     /// No search before this \[s\], and how long the last wait was.
     wait: [f64; 2],
-}
-
-/// A search under way.
-#[derive(Debug)]
-enum Search {
-    /// Done, but as if it lasted until `arrives` \[s\].
-    Simulated { found: Option<Box<Plan>>, arrives: f64 },
-    /// In another thread, which gives it up. One that begins where the old plan is at `arrives` \[s\] is not taken before.
-    Beside {
-        answer: Receiver<Found>,
-        found: Option<Found>,
-        arrives: f64,
-        given_up: Arc<AtomicBool>,
-    },
-}
-
-/// A plan, and whether it begins farther on along the old one.
-#[derive(Debug, Clone)]
-struct Found {
-    plan: Box<Plan>,
-    is_ahead: bool,
-}
-
-impl Drop for Search {
-    fn drop(&mut self) {
-        if let Self::Beside { given_up, .. } = self {
-            given_up.store(true, Ordering::Relaxed);
-        }
-    }
 }
 
 impl<S, const D: usize, const M: usize> Replanner<S, D, M>
@@ -316,6 +289,7 @@ where
     /// Begins a search.
     fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
         let ReplanSettings { latency, margin, horizon, tilt, speed, samples, .. } = self.settings;
+        let ReplanSettings { acceleration, jerk, .. } = self.settings.clone();
         let settings = PlanSettings {
             start: None,
             goal: None,
@@ -324,6 +298,8 @@ where
             horizon: Some(horizon),
             tilt,
             upright: tilt.map(|_| self.upright.clone()),
+            acceleration,
+            jerk,
             speed,
             samples,
             paths: PlanSettings::default().paths,
@@ -443,6 +419,22 @@ where
             self.give_up();
             self.is_exchanged = true;
         }
+    }
+
+    fn limit(&mut self, limits: &MotionLimits) {
+        let MotionLimits { speed, acceleration, jerk } = limits;
+        let (arms, own) = (&self.arm.limits().velocity, &mut self.settings);
+        // The share is that of accelerations, too, which need not be slower for the sake of speeds.
+        let most = |i: usize| arms.get(i).copied().unwrap_or(MAX_SPEED);
+        let share = speed.iter().enumerate().map(|(i, v)| v / most(i)).fold(own.speed, f64::min);
+        let more = replace(&mut own.speed, share) / share;
+        let least = |own: Option<&ScalarOrVec>, usual: f64, given: &[f64]| {
+            let own = |i| own.map_or(usual, |own| own.get(i));
+            let each = given.iter().enumerate().map(|(i, given)| more * given.min(own(i)));
+            Some(ScalarOrVec::Each(each.collect()))
+        };
+        own.acceleration = least(own.acceleration.as_ref(), MAX_ACCELERATION[D - 2], acceleration);
+        own.jerk = least(own.jerk.as_ref(), f64::INFINITY, jerk);
     }
 
     fn plan_beside(&mut self) {

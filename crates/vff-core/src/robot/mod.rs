@@ -46,6 +46,11 @@ pub trait Model<const D: usize>: Debug + Clone + Send + Sync + 'static {
     fn slides(&self, _joint: usize) -> bool {
         false
     }
+    /// Whether a joint turns without an end.
+    fn is_endless(&self, joint: usize) -> bool {
+        let ends = self.limits().joint.get(joint);
+        !self.slides(joint) && !ends.is_some_and(|ends| ends.iter().any(|end| end.is_finite()))
+    }
     /// What a joint is called.
     fn joint_name(&self, joint: usize) -> String {
         format!("joint_{}", joint + 1)

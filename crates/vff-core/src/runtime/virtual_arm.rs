@@ -4,9 +4,18 @@
 //! robot parts from the model, because it is held or its drives are weak, the model comes to the robot within the same limits.
 
 use super::controller::{AnyController, MissedStart, Target};
+use crate::control::MotionLimits;
 use crate::control::Settings;
+use crate::control::output::{BeginError, go_on};
 use crate::math::rotation::NotARotation;
 use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
+use crate::trajectory::Peaks;
+use std::mem::take;
+
+/// A plan that was made with a limit may exceed it by such a share, by rounding.
+const SLIGHT: f64 = 1e-6;
+/// A robot at rest has joints that are no faster than this share of their speed limit, as measured.
+const AT_REST: f64 = 0.05;
 
 /// What a set point comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,6 +79,21 @@ pub enum VirtualArmError {
         /// How many there are.
         given: usize,
     },
+    /// The reference is a plan that they cannot follow.
+    #[error(
+        "{name}: the plan of the reference takes up to {asks:.4} of joint {index}, more than {given}; plan with a lower speed, or with \
+         this {name}"
+    )]
+    TooFast {
+        /// Which.
+        name: &'static str,
+        /// Which joint.
+        index: usize,
+        /// What the plan takes.
+        asks: f64,
+        /// What there is.
+        given: f64,
+    },
     /// Neither the arm nor the limits say it.
     #[error("speed: the arm has no velocity_limits, so it must be given")]
     NoSpeed,
@@ -81,6 +105,17 @@ pub enum VirtualArmError {
         /// What it is.
         given: f64,
     },
+    /// A robot that is not at rest.
+    #[error("joint {index} moves at {given:.3} where set points begin, which are at rest")]
+    Moves {
+        /// Which joint.
+        index: usize,
+        /// How fast \[rad/s, m/s\].
+        given: f64,
+    },
+    /// A gain that is unstable at this period.
+    #[error(transparent)]
+    Gain(#[from] BeginError),
     /// No loop begins with this posture.
     #[error(transparent)]
     Elsewhere(#[from] MissedStart),
@@ -127,6 +162,9 @@ pub struct VirtualArm {
     out: [Vec<f64>; 3],
     /// What the law wants of the joints.
     wanted: Vec<f64>,
+    /// Which joints turn without an end, and where the robot is by turns that are counted.
+    endless: Vec<bool>,
+    heard_at: Vec<f64>,
     course: Course,
     /// Whether the robot has ever been heard of, and in how many cycles in a row it has not been since.
     heard: bool,
@@ -167,12 +205,12 @@ impl VirtualArm {
 
     /// One that has yet to begin.
     pub(super) fn anywhere(
-        controller: &AnyController,
+        controller: &mut AnyController,
         limits: &SetPointLimits,
         period: f64,
     ) -> Result<Self, VirtualArmError> {
         let n = controller.dof();
-        let arm = controller.limits();
+        let arm = controller.limits().clone();
         let of_arm = (!arm.velocity.is_empty()).then(|| ScalarOrVec::Each(arm.velocity.clone()));
         let speed = limits.speed.clone().or(of_arm).ok_or(VirtualArmError::NoSpeed)?;
         let SetPointLimits { acceleration, jerk, threshold, .. } = limits;
@@ -185,12 +223,17 @@ impl VirtualArm {
         }
         positive("threshold", *threshold)?;
         positive("period", period)?;
+        BeginError::check(controller.settings(), period)?;
         let bounds = |i: usize| JointBounds {
             position: arm.joint.get(i).copied().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]),
             speed: speed.get(i),
             acceleration: acceleration.get(i),
             jerk: jerk.get(i),
         };
+        let all = |given: &ScalarOrVec| (0..n).map(|i| given.get(i)).collect();
+        let able =
+            MotionLimits { speed: all(&speed), acceleration: all(acceleration), jerk: all(jerk) };
+        follows(controller.limit_motion(&able).as_ref(), &able)?;
         let zeros = || vec![0.0; n];
         Ok(Self {
             period,
@@ -198,6 +241,8 @@ impl VirtualArm {
             joints: (0..n).map(|i| LimitedJoint::new(bounds(i), 0.0)).collect(),
             out: [zeros(), zeros(), zeros()],
             wanted: zeros(),
+            endless: (0..n).map(|i| controller.is_endless(i)).collect(),
+            heard_at: zeros(),
             course: Course::Following,
             heard: false,
             missed: 0,
@@ -229,6 +274,19 @@ impl VirtualArm {
         (self.course, self.heard, self.missed, self.stops) = (Course::Following, false, 0, false);
         self.hand_out();
         Ok(())
+    }
+
+    /// Whether a robot with these velocities \[rad/s, m/s\] is at rest, as far as one that is measured can be.
+    ///
+    /// # Errors
+    /// With the joint that is not.
+    pub(super) fn rests(&self, dq: &[f64]) -> Result<(), VirtualArmError> {
+        let joints = self.joints.iter().zip(dq).enumerate();
+        let mut moving =
+            joints.filter(|(_, (joint, dq))| dq.abs() > AT_REST * joint.bounds().speed);
+        let moves =
+            |(index, (_, dq)): (usize, (_, &f64))| VirtualArmError::Moves { index, given: *dq };
+        moving.next().map_or(Ok(()), |it| Err(moves(it)))
     }
 
     /// Positions, velocities and accelerations of the joints at the set point, (n) each.
@@ -264,6 +322,24 @@ impl VirtualArm {
     ) -> Result<Course, NotARotation> {
         let measured =
             measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
+        let mut at = take(&mut self.heard_at);
+        if let Some([q, _]) = measured {
+            at.copy_from_slice(q);
+            go_on(&mut at, &self.out[0], |i| self.endless[i]);
+        }
+        let done = self.step_beside(controller, t, target, measured.map(|[_, dq]| [&at[..], dq]));
+        self.heard_at = at;
+        done
+    }
+
+    /// The same beside a robot whose turns are counted.
+    fn step_beside(
+        &mut self,
+        controller: &mut AnyController,
+        t: f64,
+        target: Option<&Target<'_>>,
+        measured: Option<[&[f64]; 2]>,
+    ) -> Result<Course, NotARotation> {
         controller.observe(&self.out[0], &self.out[1], t);
         controller.accelerate(target, true, &mut self.wanted)?;
         self.course = self.choose(measured);
@@ -354,6 +430,25 @@ impl VirtualArm {
 /// jerk can take back in time: with √(jerk·change) the acceleration ends as the change does.
 fn behind_jerk(ddq: f64, rate: f64, jerk: f64) -> f64 {
     (jerk / (rate * ddq.abs())).sqrt().min(1.0)
+}
+
+/// Whether a plan with these peaks can be followed: what the law wants is cut to what the joints can, and a plan that asks for more is left.
+fn follows(plan: Option<&Peaks>, able: &MotionLimits) -> Result<(), VirtualArmError> {
+    let Some(Peaks { speeds, accelerations, jerks, .. }) = plan else { return Ok(()) };
+    let asked = [
+        ("speed", speeds, &able.speed),
+        ("acceleration", accelerations, &able.acceleration),
+        ("jerk", jerks, &able.jerk),
+    ];
+    for (name, asks, given) in asked {
+        let excess = |i: &usize| asks[*i] / given[*i];
+        let worst = (0..asks.len()).max_by(|a, b| excess(a).total_cmp(&excess(b)));
+        if let Some(index) = worst.filter(|i| excess(i) > 1.0 + SLIGHT) {
+            let (asks, given) = (asks[index], given[index]);
+            return Err(VirtualArmError::TooFast { name, index, asks, given });
+        }
+    }
+    Ok(())
 }
 
 fn positive(name: &'static str, given: f64) -> Result<(), VirtualArmError> {

@@ -431,8 +431,8 @@ fn governor(governor: &GovernorSettings) -> Validated {
 }
 
 /// `[replan]`.
-pub fn replan(settings: &ReplanSettings) -> Validated {
-    table(settings, |_| None)
+pub fn replan(settings: &ReplanSettings, n: usize) -> Validated {
+    table(settings, |_| Some(n))
 }
 
 /// Angles that only degrees could mean: beyond the limits of a joint by far, and within them if they were degrees.

@@ -2,7 +2,7 @@
 
 use super::Scenario;
 use super::scene::{FromDocument, ObstacleOf, Scene};
-use crate::control::{Avoidance, Settings};
+use crate::control::{Avoidance, Settings, Unstable};
 use crate::math::Vector;
 use crate::robot::Model;
 use crate::simulation::{
@@ -24,7 +24,7 @@ impl Scenario {
         if self.simulation.control != Control::Continuous {
             let period = self.simulation.control_period();
             warnings.extend(
-                sampling_bounds(&self.controller, M, period)
+                sampling_bounds(&self.controller, period)
                     .into_iter()
                     .map(|warning| format!("controller.{warning}")),
             );
@@ -181,31 +181,7 @@ fn misread(path: &str, quaternion: &[f64; 4]) -> Option<String> {
     })
 }
 
-/// Gains of a task of dimension `m` that a torque held over the control period `h` \[s\] makes unstable (T31, T32).
-pub fn sampling_bounds(settings: &Settings, m: usize, h: f64) -> Vec<String> {
-    let Settings { stiffness, damping, null_damping, .. } = settings;
-    let mut warnings = vec![];
-    let strongest = null_damping.values().iter().copied().fold(0.0, f64::max);
-    if strongest * h >= 2.0 {
-        warnings.push(format!(
-            "null_damping: {strongest} 1/s is unstable at a control period of {h} s; below {} 1/s it \
-             is not",
-            2.0 / h
-        ));
-    }
-    let axis = (0..m).map(|i| (stiffness.get(i), damping.get(i)));
-    if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
-        warnings.push(format!(
-            "damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control period of {h} s; \
-             above {} 1/s it is enough",
-            0.5 * h * k
-        ));
-    }
-    if let Some(d) = damping.values().iter().find(|d| **d * h >= 2.0) {
-        warnings.push(format!(
-            "damping: {d} 1/s is unstable at a control period of {h} s; below {} 1/s it is not",
-            2.0 / h
-        ));
-    }
-    warnings
+/// What of these settings a torque held over the control period `h` \[s\] makes unstable, in sentences.
+pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
+    Unstable::all(settings, h).iter().map(ToString::to_string).collect()
 }

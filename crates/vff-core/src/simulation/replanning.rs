@@ -1,8 +1,8 @@
 //! A reference that is watched over while it is followed: what is asked of whoever makes a plan where it leads nowhere (T121, T179).
 
 use super::System;
-use crate::control::Settings;
-use crate::math::Vector;
+use crate::control::{MotionLimits, Settings};
+use crate::math::{ScalarOrVec, Vector};
 use crate::settings::settings;
 use crate::trajectory::{Pace, Trajectory};
 use crate::world::World;
@@ -30,7 +30,11 @@ settings! {
         horizon: f64 = 1.0, "s", NOT_NEGATIVE;
         /// How far the end effector may tilt from how it stands at `q0`, in the plane: turn. Plans keep to it, not the law that follows.
         tilt: Option<f64> = None, "rad", POSITIVE;
-        /// The share of the limits of speed and acceleration.
+        /// How fast the joints of another plan may become faster; 30 in the plane and 10 in space by default.
+        acceleration: Option<ScalarOrVec> = None, "rad/s², m/s²", POSITIVE;
+        /// How fast that may change.
+        jerk: Option<ScalarOrVec> = None, "rad/s³, m/s³", POSITIVE;
+        /// The share of the limits of speed, acceleration and jerk.
         speed: f64 = 0.5, "", SHARE;
         /// Random configurations until a search gives up.
         samples: usize = 5000, "";
@@ -122,6 +126,8 @@ pub trait Replan<S: System<D, M>, const D: usize, const M: usize>: Debug + Send 
     fn restart(&mut self) -> Trajectory<S::Pose, M>;
     /// From now on the arm is `arm`, in the state of `robot`, which becomes the one before.
     fn exchange_arm(&mut self, arm: &Arc<S::Arm>, robot: &mut S::State);
+    /// From now on no plan asks for more than this, or than its settings say.
+    fn limit(&mut self, limits: &MotionLimits);
     /// From now on plans in a thread of its own, and takes the time that it takes.
     fn plan_beside(&mut self);
     /// Every search so far.

@@ -61,6 +61,9 @@ pub struct Peaks {
     pub speeds: Vec<f64>,
     /// The largest acceleration, of either sign \[rad/s², m/s²\].
     pub accelerations: Vec<f64>,
+    /// The largest jerk, of either sign \[rad/s³, m/s³\]; the acceleration with which it starts and that with which it ends come and go within
+    /// the time between two knots.
+    pub jerks: Vec<f64>,
 }
 
 impl JointSpline {
@@ -165,6 +168,7 @@ impl JointSpline {
             positions: self.first.iter().map(still).collect(),
             speeds: vec![0.0; self.n],
             accelerations: vec![0.0; self.n],
+            jerks: vec![0.0; self.n],
         };
         for (i, pair) in self.times.windows(2).enumerate() {
             let h = pair[1] - pair[0];
@@ -182,6 +186,10 @@ impl JointSpline {
                 }
                 let [start, end] = [0.0, h].map(|t| horner(piece, t).ddx[0].abs());
                 peaks.accelerations[joint] = peaks.accelerations[joint].max(start).max(end);
+                let ends = [(i == 0, start), (i + 2 == self.times.len(), end)];
+                let jumps = ends.map(|(is_end, pull)| if is_end { pull / h } else { 0.0 });
+                let jerk = (6.0 * piece[3].x).abs().max(jumps[0]).max(jumps[1]);
+                peaks.jerks[joint] = peaks.jerks[joint].max(jerk);
             }
         }
         peaks
@@ -365,16 +373,21 @@ mod tests {
             let points: Vec<_> = coordinates.iter().map(|q| vec![*q]).collect();
             let spline = JointSpline::new(&times, &points).unwrap();
             let peaks = spline.peaks();
-            let mut sampled = [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0];
+            let mut sampled = [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0, 0.0];
+            let mut before = 0.0;
             for k in 0..=60_000 {
                 let [q, dq, ddq] = at(&spline, 6.0 * step * f64::from(k) / 60_000.0);
                 sampled = [
                     sampled[0].min(q[0]), sampled[1].max(q[0]), sampled[2].max(dq[0].abs()), sampled[3].max(ddq[0].abs()),
+                    // Within a sample, and at the start from rest within a knot.
+                    sampled[4].max((ddq[0] - before).abs() / if k == 0 { step } else { 1e-4 * step }),
                 ];
+                before = ddq[0];
             }
+            sampled[4] = sampled[4].max(before.abs() / step);
             let [low, high] = peaks.positions[0];
-            let found = [low, high, peaks.speeds[0], peaks.accelerations[0]];
-            let signs = [-1.0, 1.0, 1.0, 1.0];
+            let found = [low, high, peaks.speeds[0], peaks.accelerations[0], peaks.jerks[0]];
+            let signs = [-1.0, 1.0, 1.0, 1.0, 1.0];
             for ((found, sampled), sign) in found.into_iter().zip(sampled).zip(signs) {
                 let beyond = sign * (found - sampled);
                 prop_assert!(beyond > -1e-12 && beyond < 1e-2 * (1.0 + found.abs()), "{found} {sampled}");

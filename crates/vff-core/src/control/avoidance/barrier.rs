@@ -209,7 +209,7 @@ impl Barrier {
             tip_share: reserve.tip,
             planes: vec![],
             turning_weight: 0.0,
-            rate: rate(settings),
+            rate: gains.suited(rate(settings)),
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
             left_out: LeftOut::default(),

@@ -89,6 +89,8 @@ pub struct JointBounds {
     braking: Vec<Braking>,
     /// How fast every joint can lose acceleration behind a rate while all of them do (T176) \[rad/s³\].
     together: Vec<f64>,
+    /// The largest accelerations \[rad/s², m/s²\] of joints that are moved by other means than a torque (T201); empty for any.
+    able: Vec<f64>,
 }
 
 impl JointBounds {
@@ -106,6 +108,7 @@ impl JointBounds {
             share,
             braking: Braking::of(&gains.command, robot.dof()),
             together: vec![f64::INFINITY; robot.dof()],
+            able: gains.moved.as_ref().map_or(vec![], |moved| moved.acceleration.clone()),
         }
     }
 
@@ -172,7 +175,11 @@ impl JointBounds {
         work: [&mut [f64]; 2],
     ) -> [f64; 2] {
         match acting.range {
-            None => self.at_once(robot, i, acting.bias, work),
+            None => {
+                let bounds = self.at_once(robot, i, acting.bias, work);
+                let able = self.able.get(i).filter(|_| self.joints != Joints::Guarded);
+                able.map_or(bounds, |most| bounds.map(|bound| bound.clamp(-most, *most)))
+            }
             Some((range, present)) => self.behind_a_rate(robot, i, range, present, work),
         }
     }
@@ -245,7 +252,7 @@ impl JointBounds {
         present: &[f64],
         [unit, response]: [&mut [f64]; 2],
     ) -> [f64; 2] {
-        let Self { rate: k, speed, joints, angle, share, braking, together } = self;
+        let Self { rate: k, speed, joints, angle, share, braking, together, .. } = self;
         let (q, dq, ddq, most) =
             (robot.configuration()[i], robot.velocity()[i], present[i], speed[i]);
         interrupt::checkpoint(8 * unit.len());

@@ -5,6 +5,7 @@
 //! after a few cycles, and a single wild reading is no arm.
 
 use super::Clock;
+use std::f64::consts::TAU;
 
 /// A joint that may have any speed is taken for one of this limit \[rad/s, m/s\].
 const NO_LIMIT: f64 = 25.0;
@@ -15,6 +16,16 @@ const FAST: f64 = 2.0;
 const SLACK: f64 = 1.0;
 /// So many fast states in a row have to follow from each other.
 const CONFIRMED: usize = 3;
+
+/// Counts whole turns of `q` so that joints which turn without an end are next to where they were `before`.
+pub fn go_on(q: &mut [f64], before: &[f64], is_endless: impl Fn(usize) -> bool) {
+    for (i, (q, before)) in q.iter_mut().zip(before).enumerate() {
+        let turns = ((before - *q) / TAU).round();
+        if turns != 0.0 && turns.is_finite() && is_endless(i) {
+            *q += TAU * turns;
+        }
+    }
+}
 
 /// A state, and the cycle in which it came, counted from the last that was believed.
 #[derive(Debug, Clone)]
@@ -31,6 +42,9 @@ pub struct Admission {
     period: f64,
     /// Speed limits \[rad/s, m/s\], (n).
     limit: Vec<f64>,
+    /// Which joints turn without an end: whole turns are nothing to them, and a reading may leave them out.
+    endless: Vec<bool>,
+    unwrapped: Vec<f64>,
     /// None has come before the first.
     is_empty: bool,
     believed: State,
@@ -47,11 +61,22 @@ impl Admission {
             clock: Clock::new(period),
             period,
             limit: (0..n).map(|i| velocity_limits.get(i).copied().unwrap_or(NO_LIMIT)).collect(),
+            endless: vec![false; n],
+            unwrapped: vec![0.0; n],
             is_empty: true,
             believed: state.clone(),
             doubted: state,
             confirmed: 0,
         }
+    }
+
+    /// From now on the turns of these joints are counted.
+    ///
+    /// # Panics
+    /// If there are not as many as joints.
+    pub fn count_turns(&mut self, endless: Vec<bool>) {
+        assert_eq!(endless.len(), self.endless.len());
+        self.endless = endless;
     }
 
     /// Whether none has been believed yet.
@@ -89,6 +114,18 @@ impl Admission {
         if !(t.is_finite() && q.iter().chain(dq).all(|x| x.is_finite())) {
             return None;
         }
+        let mut unwrapped = std::mem::take(&mut self.unwrapped);
+        unwrapped.copy_from_slice(q);
+        if !self.is_empty {
+            go_on(&mut unwrapped, &self.believed.q, |i| self.endless[i]);
+        }
+        let admitted = self.take(cycles, t, &unwrapped, dq);
+        self.unwrapped = unwrapped;
+        admitted
+    }
+
+    /// The same for joints whose turns are counted.
+    fn take(&mut self, cycles: usize, t: f64, q: &[f64], dq: &[f64]) -> Option<f64> {
         let time = self.clock.read(t, cycles)?;
         let passed = self.passed(cycles).max(time - self.clock.now());
         let can_be = self.is_slow(q, dq, passed)

@@ -16,7 +16,11 @@ use crate::robot::Robot;
 pub(crate) use clock::Clock;
 use friction::Friction;
 
+pub(crate) use admission::go_on;
 pub use supervision::{BeginError, Phase, Supervisor};
+
+/// Share of the torque limits that is used where the robot adds gravity: at the state that it has, which is not that which was measured.
+const MEASURED: f64 = 0.998;
 
 /// From a torque of the law to what is sent to the robot. Nothing allocates after construction.
 ///
@@ -177,12 +181,19 @@ impl Output {
     /// is sent, and what the drives exert.
     fn look_at<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let Self { gravity, bounds, scratch: [theirs, _], .. } = self;
-        match gravity {
-            Gravity::Controller => theirs.fill(0.0),
-            Gravity::Robot => robot.gravity_torque(theirs),
-        }
+        let share = match gravity {
+            Gravity::Controller => {
+                theirs.fill(0.0);
+                1.0
+            }
+            Gravity::Robot => {
+                robot.gravity_torque(theirs);
+                MEASURED
+            }
+        };
         let joints = bounds.iter_mut().zip(theirs).zip(&robot.limits().torque);
         for ((bounds, theirs), limit) in joints {
+            let limit = share * limit;
             *bounds = [(-limit - theirs.min(0.0)).min(0.0), (limit - theirs.max(0.0)).max(0.0)];
         }
     }

@@ -10,7 +10,7 @@
 use super::Output;
 use super::admission::Admission;
 use super::hold::Hold;
-use crate::control::{Controller, Settings};
+use crate::control::{Controller, Settings, Unstable};
 use crate::math::smoothstep;
 use crate::robot::{Limits, Manipulator, Robot};
 use std::mem::{replace, swap};
@@ -75,6 +75,9 @@ pub enum BeginError {
         /// \[s\].
         period: f64,
     },
+    /// A gain of the law would throw the arm.
+    #[error(transparent)]
+    Gain(#[from] Unstable),
     /// A force behind this rate would hit stiff surfaces again and again (T159).
     #[error(
         "{key}: must be at most half per control period, {} 1/s, with touch.force, got {rate}",
@@ -102,6 +105,12 @@ impl BeginError {
         let damping = settings.command.stop_damping;
         if damping * period >= 2.0 {
             return Err(Self::Damping { damping, period });
+        }
+        // Without damping it is what was asked for, and grows slowly.
+        let undamped = |it: &Unstable| matches!(it, Unstable::Stiffness { damping: 0.0, .. });
+        if let Some(unstable) = Unstable::all(settings, period).into_iter().find(|it| !undamped(it))
+        {
+            return Err(unstable.into());
         }
         let Settings { observer, touch, .. } = settings;
         let (Some(observer), Some(force)) = (observer, &touch.force) else { return Ok(()) };
@@ -237,6 +246,12 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         })
     }
 
+    /// For an arm of which these joints turn without an end, (n): whole turns are nothing to them, and a reading may leave them out.
+    pub fn counting_turns(mut self, endless: Vec<bool>) -> Self {
+        self.admission.count_turns(endless);
+        self
+    }
+
     /// What is sent in this cycle \[N·m, N\].
     pub fn sent(&self) -> &[f64] {
         self.output.sent()
@@ -260,6 +275,11 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     /// Whether the arm is damped because a joint is, or was, faster than twice its limit.
     pub fn brakes(&self) -> bool {
         self.brakes
+    }
+
+    /// q and q̇ of the last state that was believed; of a joint that turns without an end, q goes on where its reading begins anew.
+    pub fn state(&self) -> [&[f64]; 2] {
+        self.admission.state()
     }
 
     /// How far the clock of the states is ahead of the time of the loop \[s\].

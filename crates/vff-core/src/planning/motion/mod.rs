@@ -13,6 +13,7 @@ mod planner;
 mod report;
 mod tilt;
 mod time_law;
+mod timing;
 mod tree;
 mod why;
 
@@ -20,12 +21,12 @@ use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use crate::control::{CommandSettings, Gravity, SelfCollision};
 use crate::interrupt;
 use crate::inverse_kinematics::{Residual, Solver};
-use crate::math::Noise;
+use crate::math::{Noise, ScalarOrVec};
 use crate::robot::Manipulator;
 use crate::robot::{Limits, Model, Robot};
 use crate::scenario::{
-    AnyScene, CheckReach, Problem, Scenario, ScenarioError, Scene, dispatch, number, numbers_of,
-    unusable,
+    AnyScene, CheckReach, Problem, Scenario, ScenarioError, Scene, dispatch, each, number,
+    numbers_of, unusable,
 };
 use crate::settings::{FINITE, NOT_NEGATIVE, POSITIVE};
 use crate::simulation::{SpaceTypes, System, hide_unseen};
@@ -44,6 +45,7 @@ use std::sync::Arc;
 use tilt::Tilt;
 pub(super) use tilt::leads_upright;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
+use timing::CHECKS;
 use why::{beyond, length, too_far, too_tilted};
 
 /// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.
@@ -103,6 +105,12 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
     if let Some(tilt) = settings.tilt {
         number("tilt", tilt, &POSITIVE)?;
         number("tilt", tilt, &FINITE)?;
+    }
+    for (path, given) in [("acceleration", &settings.acceleration), ("jerk", &settings.jerk)] {
+        if let Some(given) = given {
+            each(path, given, n, &POSITIVE)?;
+            each(path, given, n, &FINITE)?;
+        }
     }
     number("speed", settings.speed, &POSITIVE)?;
     if settings.paths == 0 {

@@ -1,5 +1,7 @@
 //! What is asked of a planner, and what it answers.
 
+use crate::math::ScalarOrVec;
+
 /// What is planned, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanSettings {
@@ -20,7 +22,12 @@ pub struct PlanSettings {
     pub tilt: Option<f64>,
     /// Where it stands upright, if that is not the start \[rad\].
     pub upright: Option<Vec<f64>>,
-    /// The share of the limits of speed and acceleration that is used, in (0, 1].
+    /// How fast the joints may become faster \[rad/s², m/s²\], > 0. By default 30 in the plane, 10 in space.
+    pub acceleration: Option<ScalarOrVec>,
+    /// How fast that may change \[rad/s³, m/s³\], > 0; where a motion begins and ends, within the time between two of its instants. None:
+    /// that does not matter.
+    pub jerk: Option<ScalarOrVec>,
+    /// The share of the limits of speed, acceleration and jerk that is used, in (0, 1].
     pub speed: f64,
     /// How many random configurations are tried.
     pub samples: usize,
@@ -40,6 +47,8 @@ impl Default for PlanSettings {
             horizon: Some(1.0),
             tilt: None,
             upright: None,
+            acceleration: None,
+            jerk: None,
             speed: 0.5,
             samples: 20_000,
             paths: 4,

@@ -1,6 +1,6 @@
 //! What is said of a motion that was found.
 
-use super::planner::{CHECKS, Certified, Planner};
+use super::planner::{Certified, Planner};
 use super::*;
 
 impl<S: SpaceTypes<D>, const D: usize> Planner<'_, S, D>

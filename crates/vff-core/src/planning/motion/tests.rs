@@ -1,6 +1,6 @@
 //! What is promised of plans, measured by means of their own.
 
-use super::planner::TORQUE;
+use super::timing::TORQUE;
 use super::*;
 #[cfg(feature = "models")]
 use crate::robot::{SpatialArm, models};

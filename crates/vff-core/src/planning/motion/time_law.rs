@@ -15,8 +15,8 @@ const GRID: f64 = 6.0;
 const FEWEST: f64 = 120.0;
 /// Halvings in the search for the largest speed.
 const HALVINGS: usize = 48;
-/// Width of the two means that make the time law smooth \[s\].
-const SMOOTH: f64 = 0.06;
+/// Width of the two means that make the time law smooth, and the most for the sake of jerks \[s\].
+const SMOOTH: [f64; 2] = [0.06, 0.5];
 /// How fine the time law is \[s\].
 const TICK: f64 = 2e-3;
 /// The longest motion \[s\]: ticks, knots and checks are as many as it is long.
@@ -29,12 +29,23 @@ pub struct Bounds {
     pub speed: Vec<f64>,
     /// Accelerations \[rad/s², m/s²\].
     pub acceleration: Vec<f64>,
+    /// How fast these change \[rad/s³, m/s³\]: as far as a longer time to smooth them does it, and then the curve is followed more slowly
+    /// throughout. Empty for any.
+    pub jerk: Vec<f64>,
     /// Torques and forces, gravity included \[N·m, N\]; empty for any.
     pub torque: Vec<f64>,
     /// How fast these change \[N·m/s, N/s\], as far as they are sent: the curve is followed more slowly throughout. Empty for any.
     pub rate: Vec<f64>,
     /// How fast the end effector goes \[m/s\], and turns \[rad/s\].
     pub tip: [f64; 2],
+}
+
+impl Bounds {
+    /// Over what time speeds are made smooth \[s\]: an acceleration that turns round at once does so in that time.
+    fn smooth(&self) -> f64 {
+        let turns = self.acceleration.iter().zip(&self.jerk).map(|(a, jerk)| 2.0 * a / jerk);
+        turns.fold(SMOOTH[0], f64::max).min(SMOOTH[1])
+    }
 }
 
 /// Why a curve cannot be followed.
@@ -203,21 +214,22 @@ impl TimeLaw {
             times[k + 1] = times[k] + 2.0 * step / speeds;
         }
         match times[count] {
-            duration if duration <= LONGEST => Ok(Self::smooth(&times, &x, step)),
+            duration if duration <= LONGEST => Ok(Self::smooth(&times, &x, step, bounds.smooth())),
             duration => Err(Stop::Slow(duration)),
         }
     }
 
-    /// The time law with these instants and squared speeds at grid points `step` apart, made smooth by two running means.
+    /// The time law with these instants and squared speeds at grid points `step` apart, made smooth by two running means of this
+    /// `width` \[s\].
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "few instants"
     )]
-    fn smooth(times: &[f64], x: &[f64], step: f64) -> Self {
+    fn smooth(times: &[f64], x: &[f64], step: f64, width: f64) -> Self {
         let duration = times[times.len() - 1];
-        let width = (SMOOTH / TICK) as usize;
+        let width = (width / TICK) as usize;
         let count = (duration / TICK).ceil() as usize + 2 * width + 1;
         let end = step * (times.len() - 1) as f64;
         // Where it is `width` ticks before, at rest outside.

@@ -1,13 +1,13 @@
 //! The reference of a scenario as a loop follows it: by a clock that waits where the settings have a governor, and of a plan with its
 //! posture, its margins, and another plan where it leads nowhere any more.
 
-use crate::control::Controller;
+use crate::control::{Controller, MotionLimits};
 use crate::math::Pose;
 use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Robot};
 use crate::simulation::{Moment, Replan, Replanned, System};
 use crate::trajectory::{
-    Governor, GovernorSettings, Guided, JointSpline, Pace, Sample, Trajectory,
+    Governor, GovernorSettings, Guided, JointSpline, Pace, Peaks, Sample, Trajectory,
 };
 use crate::world::World;
 use std::sync::Arc;
@@ -106,6 +106,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
     pub(super) fn watch(&mut self, mut replanning: Box<dyn Replan<S, D, M>>) {
         replanning.plan_beside();
         self.replanning = Some(replanning);
+    }
+
+    /// From now on no other plan asks for more than this. What the present one asks for, if it is one.
+    pub(super) fn limit(&mut self, limits: &MotionLimits) -> Option<Peaks> {
+        self.replanning.iter_mut().for_each(|replanning| replanning.limit(limits));
+        self.joints().map(JointSpline::peaks)
     }
 
     /// From now on it waits as these settings say.

@@ -11,12 +11,13 @@ use super::obstacles::AnyObstacles;
 use super::points::PointsError;
 use crate::control::observer::Source;
 use crate::control::output::{BeginError, Phase};
-use crate::control::{LeftOut, Settings, StablePeriod};
+use crate::control::{LeftOut, MotionLimits, Settings, StablePeriod};
 use crate::math::rotation::NotARotation;
 use crate::planning::motion::Jointed;
 use crate::robot::Limits;
 use crate::scenario::{self, AnyScene, CheckReach, Scenario, ScenarioError, Scene, dispatch};
 use crate::simulation::{Replanned, System};
+use crate::trajectory::Peaks;
 use crate::world::space::Points;
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -288,7 +289,9 @@ pub trait ErasedController: Debug + Send {
     fn widths(&self) -> [usize; 3];
 
     /// What a torque held over `period` \[s\] makes unstable, in sentences: see [`sampling_bounds`](crate::scenario::sampling_bounds).
-    fn sampling_bounds(&self, period: f64) -> Vec<String>;
+    fn sampling_bounds(&self, period: f64) -> Vec<String> {
+        scenario::sampling_bounds(self.settings(), period)
+    }
 
     /// Puts it among these obstacles, from now on.
     ///
@@ -506,6 +509,8 @@ pub trait ErasedController: Debug + Send {
 
     /// What the joints of the arm can do.
     fn limits(&self) -> &Limits;
+    /// Whether that joint turns without an end.
+    fn is_endless(&self, joint: usize) -> bool;
 
     /// Whether the numbers, which are finite, are a reference.
     ///
@@ -534,6 +539,10 @@ pub trait ErasedController: Debug + Send {
 
     /// Whether this reference is a plan, or may become one.
     fn has_plans(&self) -> bool;
+
+    /// From now on no other plan asks for more than this, and barriers act as early as it needs (T201); forgets the past. What the present
+    /// plan asks for, if it follows one.
+    fn limit_motion(&mut self, limits: &MotionLimits) -> Option<Peaks>;
 
     /// The searches for another plan so far.
     fn replans(&self) -> &[Replanned];

@@ -13,7 +13,9 @@ use super::{
     SuccessionError, Surroundings, Target, TermsView,
 };
 use crate::control::output::{BeginError, Phase, Supervisor};
-use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
+use crate::control::{
+    Controller, Gravity, LeftOut, MotionLimits, Output, Settings, StablePeriod, Tank,
+};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Model, Robot};
@@ -21,7 +23,7 @@ use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
 use crate::scenario::{self, FromDocument, ScenarioError};
 use crate::simulation::{Replanned, System};
-use crate::trajectory::Sample;
+use crate::trajectory::{Peaks, Sample};
 use crate::world::space::{self, Points};
 use crate::world::{CollisionQuery, Contact, Description, ObstacleGeometry, World};
 use aside::Aside;
@@ -199,10 +201,6 @@ where
         S::State::WIDTHS
     }
 
-    fn sampling_bounds(&self, period: f64) -> Vec<String> {
-        scenario::sampling_bounds(&self.settings, M, period)
-    }
-
     fn surround(&mut self, obstacles: AnyObstacles) -> Result<(), ScenarioError> {
         self.set_obstacles(obstacles.into_vec().expect("obstacles of the arm's space"))
     }
@@ -321,7 +319,8 @@ where
         self.come_back();
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
-        self.supervisor = Some(Box::new(supervisor));
+        let endless = (0..self.dof()).map(|i| self.arm.is_endless(i)).collect();
+        self.supervisor = Some(Box::new(supervisor.counting_turns(endless)));
         self.aside = Some(Aside::like(&self.controller));
         self.period = Some(period);
         self.placed.fill(None); // on a clock that may be another one
@@ -341,9 +340,9 @@ where
         let is_first =
             self.supervisor.as_ref().is_some_and(|supervisor| supervisor.now().is_none());
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
-        let admitted = |Reading { t, q, dq }| Some((supervisor.admit(t, q, dq)?, q, dq));
-        let news = reading.and_then(admitted);
-        if let Some((t, q, dq)) = news {
+        let news = reading.and_then(|Reading { t, q, dq }| supervisor.admit(t, q, dq));
+        if let Some(t) = news {
+            let [q, dq] = supervisor.state();
             if is_first {
                 self.begin_at(t);
             }
@@ -465,6 +464,10 @@ where
         Ok(())
     }
 
+    fn is_endless(&self, joint: usize) -> bool {
+        self.arm.is_endless(joint)
+    }
+
     fn limits(&self) -> &Limits {
         self.controller.robot().limits()
     }
@@ -499,6 +502,10 @@ where
 
     fn has_plans(&self) -> bool {
         self.followed.as_ref().is_some_and(|followed| followed.has_plans())
+    }
+
+    fn limit_motion(&mut self, limits: &MotionLimits) -> Option<Peaks> {
+        self.act_within(limits)
     }
 
     fn replans(&self) -> &[Replanned] {
@@ -588,12 +595,6 @@ where
     }
 
     fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod {
-        self.step_aside();
-        if self.spoilt {
-            self.reset();
-        }
-        self.world.update(self.loop_time(t) - self.epoch);
-        self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
-        self.controller.stable_period(&mut self.world)
+        self.stable_period_at(q, t)
     }
 }

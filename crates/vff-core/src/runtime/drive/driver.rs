@@ -79,9 +79,12 @@ pub trait Driver {
 
     /// The torque that acts at the moment \[N·m, N\], as far as the robot knows it: what a start blends in from. It is asked for once,
     /// after the first state was read.
-    fn torque(&mut self, tau: &mut [f64]) -> bool {
+    ///
+    /// # Errors
+    /// If it could not be asked for.
+    fn torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
         let _ = tau;
-        false
+        Ok(false)
     }
 
     /// The torque from outside at the state that was read last \[N·m, N\], if the robot measures it. It is asked for at the beginning

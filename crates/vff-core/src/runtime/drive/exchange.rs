@@ -14,6 +14,9 @@ use std::mem::{replace, swap, take};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+/// What a reference is made of is within this of 0 \[m, rad, …\]: carried on, it stays a number.
+const FARTHEST: f64 = 1e9;
+
 /// Rows that the loop keeps while nobody takes them.
 pub(super) const ROWS: usize = 4096;
 
@@ -184,6 +187,10 @@ impl Exchange {
     pub fn set_target(&self, target: &Target<'_>) -> Result<(), ScenarioError> {
         let fault = |text: String| ScenarioError::new("x_ref", Problem::Other(text));
         lock(&self.mirror).check(target).map_err(|error| fault(error.to_string()))?;
+        let Target { x, dx, ddx } = target;
+        if let Some(far) = [*x, *dx, *ddx].concat().into_iter().find(|x| x.abs() > FARTHEST) {
+            return Err(fault(format!("must be within {FARTHEST:e}, with its rates, got {far:e}")));
+        }
         let mut new = Some(Reference::new(target));
         self.send(|inbox| swap(&mut inbox.target, &mut new));
         Ok(())

@@ -5,6 +5,7 @@
 //! [`control::output`](crate::control::output); what goes wrong in the robot's driver leads to the same end, and is a value, a
 //! [`Fault`]. Drivers are [`Driver`]s; [`SimulatedRobot`] is one.
 
+mod closest;
 mod doubts;
 mod driver;
 mod ending;
@@ -16,6 +17,7 @@ mod simulated;
 #[cfg(test)]
 mod tests;
 
+pub use closest::Closest;
 pub use driver::{CommandKind, Driver};
 pub use ending::{Ending, Fault};
 pub use exchange::{Exchange, Layout, Rows};
@@ -89,6 +91,8 @@ pub struct Report {
     pub timing: Timing,
     /// Periods.
     pub periods: u64,
+    /// Where a link came nearest to what the law knew, at the set point if there is one.
+    pub closest: Closest,
     /// What else is to be told, in sentences.
     pub notes: Vec<String>,
     /// The searches for another plan.
@@ -173,6 +177,7 @@ struct Inner {
     /// Periods since it was asked to end.
     ends: u64,
     refused: u32,
+    closest: Closest,
     doubts: Doubts,
     notes: Vec<String>,
 }
@@ -181,7 +186,7 @@ impl<D: Driver> Loop<D> {
     /// The loop of a robot, and what others talk to it by. Nothing is asked of the robot yet.
     ///
     /// # Errors
-    /// If the damping of the controller's `command` is unstable at this rate, or the limits of set points are none.
+    /// If the damping of the law or of its `command` is unstable at this rate, or the limits of set points are none.
     pub fn new(
         driver: D,
         mut controller: AnyController,
@@ -194,7 +199,7 @@ impl<D: Driver> Loop<D> {
             CommandKind::Torque => None,
             kind => {
                 let limits = options.limits.as_ref().ok_or(DriveError::NoLimits)?;
-                let model = VirtualArm::anywhere(&controller, limits, period)?;
+                let model = VirtualArm::anywhere(&mut controller, limits, period)?;
                 Some((model, kind == CommandKind::Position))
             }
         };
@@ -239,6 +244,7 @@ impl<D: Driver> Loop<D> {
             off: None,
             ends: 0,
             refused: 0,
+            closest: Closest::default(),
             doubts: Doubts::default(),
             notes: vec![],
             controller,
@@ -311,12 +317,13 @@ impl Inner {
             // What holds it now, a load included that the robot may not have been told of.
             self.controller.holding_torque(&mut measured);
             measured.iter_mut().zip(&self.external).for_each(|(tau, external)| *tau -= external);
-        } else if !driver.torque(&mut measured) {
+        } else if !driver.torque(&mut measured).map_err(Fault::Read)? {
             self.controller.holding_torque(&mut measured);
         }
         let begun = self.controller.begin(1.0 / self.options.rate, Some(&measured));
         begun.map_err(|error| refused(&error))?;
         if let Some((model, _)) = &mut self.model {
+            model.rests(&self.dq).map_err(|error| refused(&error))?;
             model.begin(&mut self.controller, &self.q).map_err(|error| refused(&error))?;
         }
         // It goes on from here if no reference comes, unless the controller has one of its own.
@@ -498,8 +505,9 @@ impl Inner {
     /// Shows the period, and keeps it for a file.
     fn keep_row(&mut self, time: f64) {
         let Self { row, controller, model, exchange, given, now, kept, .. } = self;
-        let Self { options, until_row, q, dq, nothing, .. } = self;
+        let Self { options, until_row, q, dq, nothing, closest, .. } = self;
         let terms = controller.terms_view();
+        closest.look(time, terms.clearance);
         let command = match model {
             None => controller.sent().unwrap_or_default(),
             Some((model, positions)) => model.set_point()[usize::from(!*positions)],
@@ -558,6 +566,7 @@ impl Inner {
     fn close(mut self, timing: Timing) -> Report {
         let mut end = std::mem::take(&mut self.kept);
         self.exchange.append(&mut end);
+        self.notes.extend(self.closest.note());
         self.notes.extend(self.doubts.note());
         self.notes.extend(self.off.and_then(Off::note));
         if !self.exchange.phase().is_over() {
@@ -567,6 +576,7 @@ impl Inner {
             ending: self.ending.unwrap_or(Ending::Stopped),
             periods: self.exchange.periods(),
             timing,
+            closest: self.closest,
             notes: self.notes,
             replans: self.controller.replans().to_vec(),
             left_out: self.controller.left_out(),

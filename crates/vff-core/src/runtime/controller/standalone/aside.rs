@@ -2,7 +2,7 @@
 
 use super::super::fading::Fading;
 use super::Standalone;
-use crate::control::Controller;
+use crate::control::{Controller, StablePeriod};
 use crate::robot::Robot;
 use crate::simulation::System;
 use std::mem::swap;
@@ -55,6 +55,17 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             self.controller.keep_posture_of(of, false);
         }
         self.is_aside = true;
+    }
+
+    /// At which period damping is stable with the arm at rest at `q` \[rad, m\].
+    pub(super) fn stable_period_at(&mut self, q: &[f64], t: f64) -> StablePeriod {
+        self.step_aside();
+        if self.spoilt {
+            self.reset();
+        }
+        self.world.update(self.loop_time(t) - self.epoch);
+        self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
+        self.controller.stable_period(&mut self.world)
     }
 
     /// Goes on from what the last cycle has left behind.

@@ -2,12 +2,13 @@
 
 use super::super::followed::Followed;
 use super::Standalone;
-use crate::control::{Budget, Controller, Gains, LeftOut, Output, Settings};
+use crate::control::{Budget, Controller, Gains, LeftOut, MotionLimits, Output, Settings};
 use crate::planning::motion::Jointed;
 use crate::planning::replanning::Replanner;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
+use crate::trajectory::Peaks;
 use crate::world::{CollisionQuery, ObstacleGeometry, World};
 use std::fmt;
 use std::sync::Arc;
@@ -89,6 +90,19 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             followed.watch(Box::new(replanner));
         }
         Ok(this)
+    }
+
+    /// From now on it acts as early as joints with these limits need. What the plan that it follows asks for, if it follows one.
+    pub(super) fn act_within(&mut self, limits: &MotionLimits) -> Option<Peaks> {
+        self.move_within(Some(limits.clone()));
+        self.followed.as_mut()?.limit(limits)
+    }
+
+    /// From now on the joints are moved within these limits, if any, whatever the torque. Forgets the past.
+    pub(super) fn move_within(&mut self, limits: Option<MotionLimits>) {
+        let gains = self.controller.gains().clone().moved_within(limits);
+        self.controller = Controller::new(self.controller.robot().clone(), gains);
+        self.reset();
     }
 
     /// Makes it as new, among the same obstacles.

@@ -1,0 +1,61 @@
+//! Joints that are moved by other means than a torque (T201).
+
+use std::f64::consts::E;
+
+/// What whatever moves the joints can do, n numbers each.
+///
+/// # Example
+/// ```
+/// use vff_core::control::MotionLimits;
+///
+/// let slow = MotionLimits { speed: vec![2.0], acceleration: vec![4.0], jerk: vec![50.0] };
+/// assert!(slow.barrier_rate() < 5.5);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionLimits {
+    /// \[rad/s, m/s\].
+    pub speed: Vec<f64>,
+    /// \[rad/s², m/s²\].
+    pub acceleration: Vec<f64>,
+    /// \[rad/s³, m/s³\].
+    pub jerk: Vec<f64>,
+}
+
+impl MotionLimits {
+    /// The largest k \[1/s\] of barriers that such joints can keep from whatever speed they have (T201).
+    pub fn barrier_rate(&self) -> f64 {
+        let Self { speed, acceleration, jerk } = self;
+        let joints = speed.iter().zip(acceleration).zip(jerk);
+        let rates = joints.map(|((v, a), j)| (E * a / v).min((j / v).sqrt()));
+        rates.fold(f64::INFINITY, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A barrier that is come upon at full speed takes all of the acceleration at most, and no more of the jerk than there is.
+    #[test]
+    fn a_barrier_takes_what_there_is() {
+        for (v, a, j) in [(2.0, 4.0, 1e6), (2.0, 1e6, 50.0), (0.5, 3.0, 40.0)] {
+            let limits = MotionLimits { speed: vec![v], acceleration: vec![a], jerk: vec![j] };
+            let k = limits.barrier_rate();
+            // From where it begins to act: ḧ = −2kḣ − k²h, as long as that brakes.
+            let (mut h, mut rate, dt) = (2.0 * v / k, -v, 1e-5 / k);
+            let (mut hardest, mut before, mut steepest) = (0.0_f64, 0.0, 0.0_f64);
+            for _ in 0..1_000_000 {
+                let pull = -2.0 * k * rate - k * k * h;
+                hardest = hardest.max(pull);
+                steepest = steepest.max((pull - before) / dt);
+                before = pull;
+                rate += dt * pull;
+                h += dt * rate;
+            }
+            assert!(h > 0.0 && rate > -1e-3 * v, "{h} {rate}");
+            let shares = [hardest / a, steepest / j];
+            assert!(shares.iter().all(|share| *share < 1.001), "{shares:?}");
+            assert!(shares.iter().any(|share| *share > 0.99), "{shares:?}");
+        }
+    }
+}

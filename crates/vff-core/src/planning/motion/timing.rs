@@ -1,0 +1,277 @@
+//! How long a motion along a path takes: as fast as the joints may, and what follows it can (T120).
+
+use super::planner::{Certified, Planner, ranges_of};
+use super::*;
+
+/// By how much knots may keep from joint limits so that what is between them does \[rad or m\].
+const INSETS: [f64; 6] = [0.0, 1e-6, 1e-5, 5e-5, 2e-4, 1e-3];
+/// Share of the torque limits that a plan uses: the rest is for reacting.
+pub(super) const TORQUE: f64 = 0.8;
+/// Halvings in the search for how much slower.
+const HALVINGS: usize = 40;
+/// Time between two configurations of a plan \[s\], and how often it is halved.
+const STEP: f64 = 0.04;
+const REFINEMENTS: u32 = 3;
+/// Instants per knot at which torques are checked.
+pub(super) const CHECKS: u32 = 4;
+
+/// Why a path is of no use that cannot be rounded, or not followed smoothly.
+fn too_tight() -> (PlanStatus, String) {
+    let why = "there is a path, and no smooth motion near it keeps half of the margin; another seed or margin may help";
+    (PlanStatus::NotFound, why.to_owned())
+}
+
+/// How many times as long a motion has to take so that a torque with these changes, of motion and of gravity, keeps a limit of how fast it
+/// changes, `least` or more: in s times the time the one is 1/s³, the other 1/s \[N·m/s\].
+fn slower([motion, gravity]: [f64; 2], limit: f64, least: f64) -> f64 {
+    let change = |s: f64| motion / (s * s * s) + gravity / s;
+    if change(least) <= limit {
+        return least;
+    }
+    let (mut low, mut high) = (least, (motion + gravity) / limit);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if change(middle) <= limit { high = middle } else { low = middle }
+    }
+    high
+}
+
+/// The square of how much longer a motion has to take to keep the limits of jerk.
+fn over_jerk(peaks: &Peaks, bounds: &Bounds) -> f64 {
+    let jerks = peaks.jerks.iter().zip(&bounds.jerk);
+    jerks.map(|(jerk, most)| (jerk / most).powf(2.0 / 3.0)).fold(0.0, f64::max)
+}
+
+/// Which number makes a motion along `path` take this long \[s\], of these limits of the arm, and of acceleration if one is given.
+fn too_slow(
+    path: &[Vec<f64>],
+    duration: f64,
+    (velocity, accelerates): (&[f64], bool),
+    bounds: &Bounds,
+) -> ScenarioError {
+    let travel =
+        |i: usize| path.windows(2).map(|pair| (pair[1][i] - pair[0][i]).abs()).sum::<f64>();
+    let most = format!("motions are planned that take up to {LONGEST} s");
+    let [goes, turns] = bounds.tip;
+    let tip = goes.is_finite() || turns.is_finite();
+    let slowest = (0..bounds.speed.len())
+        .map(|i| (i, travel(i), bounds.speed[i]))
+        .max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))
+        .filter(|(_, way, speed)| {
+            way / speed > 0.5 * LONGEST || (bounds.torque.is_empty() && !tip)
+        });
+    // From rest to rest, half of the way faster and faster.
+    let lasts = |i: usize| 2.0 * (travel(i) / bounds.acceleration[i]).sqrt();
+    let sluggish = (0..bounds.speed.len())
+        .map(|i| (i, lasts(i)))
+        .filter(|(_, time)| accelerates && *time > 0.5 * LONGEST)
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((i, time)) = sluggish {
+        let problem = format!("too little for joint {i}, which alone takes {time:.0e} s: {most}");
+        return ScenarioError::new("acceleration", Problem::Other(problem));
+    }
+    let (at, problem) = match slowest {
+        Some((i, way, speed)) => {
+            let limit = velocity.get(i).filter(|limit| way / **limit > 0.5 * LONGEST);
+            let at = limit.map_or("speed".into(), |_| format!("arm.velocity_limits[{i}]"));
+            let problem = format!(
+                "joint {i} has {way:.3} to go at up to {speed:e} a second, which makes it {duration:.0e} s: {most}"
+            );
+            (at, problem)
+        }
+        None => {
+            let problem = if duration.is_finite() {
+                format!("too little to get anywhere in less than {duration:.0e} s: {most}")
+            } else {
+                format!("too little to get anywhere: {most}")
+            };
+            let key = match (tip, goes <= turns) {
+                (false, _) => "arm.torque_limits",
+                (true, true) => "controller.command.tip_speed",
+                (true, false) => "controller.command.tip_angular_speed",
+            };
+            (key.into(), problem)
+        }
+    };
+    ScenarioError::new(at, Problem::Other(problem))
+}
+
+impl<S: SpaceTypes<D>, const D: usize> Planner<'_, S, D>
+where
+    S::State: Jointed<D>,
+{
+    /// The motion along `path`, or why there is none.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few knots")]
+    pub(super) fn timed(
+        &mut self,
+        path: &[Vec<f64>],
+        limits: &Limits,
+    ) -> Result<Result<Certified, (PlanStatus, String)>, ScenarioError> {
+        let n = self.start.len();
+        let Some(curve) = Curve::round(&mut self.space, path) else {
+            return Ok(Err(too_tight()));
+        };
+        let share = self.settings.speed;
+        let shares = |of: &dyn Fn(usize) -> f64| (0..n).map(|i| share * of(i)).collect();
+        let any = |given: &Option<ScalarOrVec>| {
+            given.as_ref().map_or(vec![], |given| shares(&|i| given.get(i)))
+        };
+        let usual = ScalarOrVec::Uniform(MAX_ACCELERATION[D - 2]);
+        let acceleration = self.settings.acceleration.as_ref().unwrap_or(&usual);
+        let bounds = Bounds {
+            speed: shares(&|i| limits.velocity.get(i).copied().unwrap_or(MAX_SPEED)),
+            acceleration: shares(&|i| acceleration.get(i)),
+            jerk: any(&self.settings.jerk),
+            torque: limits.torque.iter().map(|most| TORQUE * most).collect(),
+            rate: any(&self.command.torque_rate),
+            tip: [self.command.tip_speed, self.command.tip_angular_speed]
+                .map(|most| most.map_or(f64::INFINITY, |most| share * most)),
+        };
+        let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
+            Ok(law) => law,
+            Err(Stop::Heavy(heavy)) => {
+                let (robot, joint) = (self.space.robot(), heavy.joint);
+                let why = heavy.sentence(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+                return Ok(Err((PlanStatus::TooHeavy, why)));
+            }
+            Err(Stop::Winding) => return Ok(Err(too_tight())),
+            Err(Stop::Slow(duration)) => {
+                let given = self.settings.acceleration.is_some();
+                return Err(too_slow(path, duration, (&limits.velocity, given), &bounds));
+            }
+        };
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        for refinement in 0..=REFINEMENTS {
+            let step = STEP / f64::from(1 << refinement);
+            let knots = (law.duration() / step).ceil().max(2.0) as u32;
+            let mut points = vec![];
+            for k in 0..=knots {
+                let share = f64::from(k) / f64::from(knots);
+                curve.at(law.at(law.duration() * share), &mut state);
+                points.push(state[0].clone());
+            }
+            // To the last bit, of a motion that leads nowhere everywhere.
+            let last = points.len() - 1;
+            if path.iter().all(|corner| *corner == path[0]) {
+                points.fill(path[0].clone());
+            }
+            points[0].clone_from(&path[0]);
+            points[last].clone_from(&path[path.len() - 1]);
+            // Knots follow the law within the limits, not the spline between them: stretched until that keeps its limits, too,
+            // and moved where it leaves those of positions.
+            let (mut stretch, mut inset) = (1.0, 0);
+            for _ in 0..8 {
+                let duration = stretch * law.duration();
+                let times: Vec<f64> =
+                    (0..=knots).map(|k| duration * f64::from(k) / f64::from(knots)).collect();
+                let Ok(spline) = JointSpline::new(&times, &points) else {
+                    return Ok(Err(too_tight()));
+                };
+                let peaks = spline.peaks();
+                let jerked = over_jerk(&peaks, &bounds);
+                let over = self.excess(&spline, &peaks, &bounds, knots).max(jerked);
+                let leaves = |(i, [low, high]): (usize, &[f64; 2])| {
+                    let [lower, upper] = ranges_of(limits, i);
+                    *low < lower || *high > upper
+                };
+                if over > 1.0 {
+                    stretch *= over.sqrt().max(1.002);
+                    let duration = stretch * law.duration();
+                    if duration > LONGEST {
+                        let problem = format!(
+                            "too little to get anywhere in less than {duration:.0e} s: motions are planned that take up to {LONGEST} s"
+                        );
+                        let key = match jerked < over {
+                            true => "controller.command.torque_rate",
+                            false => "jerk",
+                        };
+                        return Err(ScenarioError::new(key, Problem::Other(problem)));
+                    }
+                } else if peaks.positions.iter().enumerate().any(leaves) {
+                    inset += 1;
+                    let Some(inset) = INSETS.get(inset) else { break };
+                    for point in &mut points[1..last] {
+                        for (i, q) in point.iter_mut().enumerate() {
+                            let [lower, upper] = ranges_of(limits, i);
+                            *q = q.max(lower + inset).min(upper - inset);
+                        }
+                    }
+                } else if let Some(kept) = self.kept_along(&spline) {
+                    return Ok(Ok((spline, kept)));
+                } else {
+                    break;
+                }
+            }
+        }
+        Ok(Err(too_tight()))
+    }
+
+    /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed: torques and the tip's speeds at
+    /// samples, the others anywhere. Or the square of how much longer it has to take to keep a limit of how fast torques change.
+    fn excess(&mut self, spline: &JointSpline, peaks: &Peaks, bounds: &Bounds, knots: u32) -> f64 {
+        let n = self.start.len();
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        let (mut scratch, mut torque) = (vec![0.0; n], vec![0.0; n]);
+        let speeds = peaks.speeds.iter().zip(&bounds.speed).map(|(v, most)| (v / most).powi(2));
+        let pulls = peaks.accelerations.iter().zip(&bounds.acceleration).map(|(a, most)| a / most);
+        let mut most = speeds.chain(pulls).fold(0.0, f64::max);
+        let has_tip = bounds.tip.iter().any(|limit| limit.is_finite());
+        let is_checked = has_tip || !bounds.torque.is_empty() || !bounds.rate.is_empty();
+        if !is_checked {
+            return most;
+        }
+        let checks = CHECKS * knots;
+        let adds_gravity = self.command.gravity == Gravity::Controller;
+        let [_, end] = spline.span();
+        let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
+        for k in 0..=checks {
+            interrupt::checkpoint(64 * n);
+            let t = end * f64::from(k) / f64::from(checks);
+            spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+            let [q, dq, ddq] = &state;
+            let robot = self.space.robot();
+            robot.update(q, dq);
+            robot.inverse_dynamics(ddq, &mut scratch, &mut torque);
+            for (tau, limit) in torque.iter().zip(&bounds.torque) {
+                most = most.max(tau.abs() / limit);
+            }
+            if has_tip {
+                let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
+                let over = goes.into_iter().zip(bounds.tip).map(|(v, most)| (v / most).powi(2));
+                most = over.fold(most, f64::max);
+            }
+            if !bounds.rate.is_empty() {
+                robot.gravity_torque(&mut gravity);
+                for (i, limit) in bounds.rate.iter().enumerate() {
+                    let now = [torque[i] - gravity[i], if adds_gravity { gravity[i] } else { 0.0 }];
+                    let step = f64::from(checks) / end;
+                    let change = [0, 1].map(|part| (now[part] - before[i][part]).abs() * step);
+                    before[i] = now;
+                    if k > 0 {
+                        longer = longer.max(slower(change, *limit, longer));
+                    }
+                }
+            }
+        }
+        most.max(longer * longer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// In so many times the time a torque changes as fast as it may, and not before; what is kept already costs nothing.
+        #[test]
+        fn it_takes_as_long_as_it_has_to(
+            motion in 0.0..1e4, gravity in 0.0..1e4, limit in 1.0..1e3, least in 1.0..3.0,
+        ) {
+            let change = |s: f64| motion / (s * s * s) + gravity / s;
+            let found = slower([motion, gravity], limit, least);
+            prop_assert!(found >= least && change(found) <= limit * (1.0 + 1e-12));
+            prop_assert!(found <= least || change(found) >= limit * (1.0 - 1e-6), "{found}");
+        }
+    }
+}
