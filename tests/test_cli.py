@@ -487,3 +487,24 @@ print(result.status, time.process_time() - sent[0])
     assert done.returncode == 0, done.stderr
     status, late = done.stdout.split()
     assert status == "interrupted" and float(late) < 1.0
+
+
+def test_what_is_read_is_not_written_over(tmp_path: Path, short: vff.Result) -> None:
+    """Where the ending of a file does not keep it from being the one that is read, as of a link."""
+    saved, scene = short.save(tmp_path / "run.npz"), tmp_path / "scene.toml"
+    short.scenario.save(scene)
+    before = saved.read_bytes(), scene.read_bytes()
+    for name, target in (("run.html", saved), ("run.gif", saved), ("scene.npz", scene), ("scene.png", scene)):
+        (tmp_path / name).symlink_to(target)
+    for arguments in (
+        ("report", "run.npz", "run.html"),
+        ("compare", "run.npz", "run.html"),
+        ("animate", "run.npz", "run.gif"),
+        ("run", "scene.toml", "--save", "scene.npz"),
+        ("run", "scene.toml", "--plot", "scene.png"),
+        ("plan", "scene.toml", "--out", "scene.npz"),
+        ("realtime", "scene.toml", "--plot", "scene.png"),
+    ):
+        told = vffnull(*arguments, cwd=tmp_path, code=2).stderr
+        assert "is read, and would be written over; name another file" in told
+    assert (saved.read_bytes(), scene.read_bytes()) == before

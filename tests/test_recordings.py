@@ -246,6 +246,24 @@ def test_broken_files(watched: Path, tmp_path: Path) -> None:
         vff.perceive(tmp_path / "not there.mcap", ARM)
 
 
+def test_a_recording_is_not_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By whatever path it is named, from Python and from the shell; nor any other file that is read."""
+    path = written(tmp_path / "r.mcap")
+    before = path.read_bytes()
+    (tmp_path / "link.mcap").symlink_to(path)
+    (tmp_path / "hard.mcap").hardlink_to(path)
+    monkeypatch.chdir(tmp_path)
+    for out in ("r.mcap", "link.mcap", "hard.mcap", "../" + tmp_path.name + "/r.mcap", path):
+        with pytest.raises(InputError, match="is read, and would be written over; name another file"):
+            vff.perceive(path, ARM, out=out)
+        assert "would be written over" in command(path, "--arm", "panda", "--out", out, code=2, errors=True)
+    assert path.read_bytes() == before
+    cameras = tmp_path / "c.toml"
+    cameras.write_text(vff._core.format_toml({"/eye/image": LEFT}), encoding="utf-8")
+    given = (path, "--arm", "panda", "--calibrate", "--cameras", cameras, "--out", cameras)
+    assert "would be written over" in command(*given, code=2, errors=True)
+
+
 # ------------------------------------------------------------------------------------------------ calibration
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["digest", "read_text", "replacing"]
+__all__ = ["apart", "digest", "read_text", "replacing"]
 
 MAX_BYTES = 1 << 28
 """Of a text: the largest cloud, of 50 000 points, takes 3 million, and a million discs take 110 million."""
@@ -50,6 +50,33 @@ def read_text(path: Path, most: int = MAX_BYTES, encoding: str = "utf-8", errors
     if size > most or len(text) > most:
         raise InputError(f"{path} has {size or 'too many'} bytes; at most {most} are read")
     return text
+
+
+def apart(target: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
+    """Refuse to write onto what is read, before anything is read.
+
+    Parameters
+    ----------
+    target : str or path
+        Where is to be written.
+    *read : str or path
+        What is to be read, by whatever path: through links, or from another folder. What is no file, such as
+        a bundled name, is not written onto.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the target is one of these files.
+    """
+    if any(_is_same(target, each) for each in read):
+        raise InputError(f"{os.fspath(target)}: is read, and would be written over; name another file")
+
+
+def _is_same(target: str | os.PathLike[str], read: str | os.PathLike[str]) -> bool:
+    try:
+        return os.path.samefile(target, read)
+    except (OSError, ValueError):  # one of them is not there, or is no path
+        return False
 
 
 @contextmanager

@@ -18,6 +18,7 @@ import click
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError, VffNullError
 from vffnull._support.figures import is_file
+from vffnull._support.files import apart
 from vffnull.cli import results
 from vffnull.cli.arms import arms
 from vffnull.cli.common import (
@@ -226,9 +227,11 @@ def run(
     ready = prepared(scenario, assignments)
     if save_to is not None:  # find out before the run, not after it
         check_path(save_to)
-        has_folder(save_to)
-    if plot_to is not None and not is_file(plot_to):
-        plot_to.mkdir(parents=True, exist_ok=True)
+        has_folder(save_to, scenario)
+    if plot_to is not None:
+        apart(plot_to, scenario)
+        if not is_file(plot_to):
+            plot_to.mkdir(parents=True, exist_ok=True)
     result = run_with_bar(ready, quiet, plant)
     files: list[Path] = []
     if save_to is not None:

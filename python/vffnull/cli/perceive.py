@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 
 import vffnull._core as _core
 from vffnull._support.errors import InputError
+from vffnull._support.files import apart
 from vffnull._support.progress import bar
 from vffnull.cli.common import FAILED, FINE, assigned, echo_json, interactive, say
 
@@ -102,6 +103,8 @@ def perceive(
     from vffnull.run import perceive as replay
     from vffnull.run.recording import read_cameras
 
+    if out is not None:
+        apart(out, recording, arm_name, *(each for each in (cameras, known) if each is not None))
     arm = _arm(arm_name)
     given = None if cameras is None else read_cameras(cameras)
     where: dict[str, Any] = {"cameras": given, "topics": topics, "base": base, "joints": joints}

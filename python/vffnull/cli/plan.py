@@ -146,7 +146,7 @@ def plan(
         raise click.UsageError("--orientation belongs to a position: as many as there are of --goal X,Y,Z")
     if out is not None:
         checked_path(out)
-        has_folder(out)
+        has_folder(out, scenario)
     ready = prepared(scenario, assignments)
     goals: list[Any] = list(goal)
     if orientation:

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from vffnull._support.files import apart
 from vffnull.cli.common import (
     complete_scenario,
     echo_json,
@@ -80,6 +81,7 @@ def animate(
     from vffnull.draw.figures.animation import check
 
     check(file, fps, speed, size, view)  # before the run, not after it
+    apart(file, source)
     result = run_or_load(source, assignments, quiet)
     bar = interactive() and not quiet
     path = result.animate(file, fps=fps, speed=speed, size=size, view=view, progress=bar)
@@ -101,7 +103,7 @@ def report(source: str, file: Path, assignments: tuple[str, ...], as_json: bool,
     from vffnull.draw.report import check_path
 
     check_path(file)
-    has_folder(file)
+    has_folder(file, source)
     result = run_or_load(source, assignments, quiet)
     return _end([result], result.report(file), as_json, quiet)
 
@@ -121,7 +123,7 @@ def compare(sources: tuple[str, ...], file: Path, as_json: bool, quiet: bool) ->
     from vffnull.draw.report import compare as write
 
     check_path(file)
-    has_folder(file)
+    has_folder(file, *sources)
     results = {Path(source).stem: run_or_load(source, (), quiet) for source in sources}
     if len(results) < len(sources):  # two files of one name
         results = {source: run_or_load(source, (), quiet) for source in sources}

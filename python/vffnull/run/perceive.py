@@ -16,7 +16,7 @@ import numpy as np
 from vffnull._core import Arm, Perceiver, surface_distances
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
-from vffnull._support.files import replacing
+from vffnull._support.files import apart, replacing
 from vffnull._support.progress import Progress
 from vffnull.logs import ros2
 from vffnull.run.recording import Cell, Shot
@@ -154,7 +154,8 @@ def perceive(
     Raises
     ------
     vffnull.errors.InputError
-        If the recording is broken, or does not say what a camera is, where it stands, or where joints are.
+        If the recording is broken, or does not say what a camera is, where it stands, or where joints are;
+        or if `out` is the recording.
     ImportError
         Without the extra ``vffnull[mcap]``, or ``vffnull[rerun]`` for an ``.rrd``.
 
@@ -169,6 +170,8 @@ def perceive(
         raise InputError(
             f"{target}: points are written as .mcap or .rrd, not {target.suffix or 'without an ending'}"
         )
+    if target is not None:
+        apart(target, recording)
     cell = Cell(Path(recording), arm, cameras=cameras, topics=topics, base=base, joints=joints)
     perceiver = Perceiver(arm, cell.cameras, dict(settings or {}), list(known))
     with ExitStack() as stack:
