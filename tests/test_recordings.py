@@ -264,6 +264,34 @@ def test_a_recording_is_not_written_over(tmp_path: Path, monkeypatch: pytest.Mon
     assert "would be written over" in command(*given, code=2, errors=True)
 
 
+@pytest.mark.parametrize(
+    ("stamp", "late", "expected"),
+    [
+        (lambda t: t, 1.7e9, 10),  # simulated time from zero on, recorded by the clock of the wall
+        (lambda t: t, 0.0, 10),
+        (lambda t: 0.0, 1.7e9, 10),  # none: as they came
+        (lambda t: t + 1.7e9 if t > 0.2 else 0.0, 1.7e9, 10),  # none at first
+        (lambda t: t + 500.0 if t > 0.2 else 0.0, 1.7e9, 8),  # before nodes know the simulated time
+    ],
+)
+def test_stamps_of_zero(tmp_path: Path, stamp: Any, late: float, expected: int) -> None:
+    """They are times where the others show that time begins there, and missing where they do not."""
+    path = tmp_path / "r.mcap"
+    q, _ = motion(0.0)
+    seen = take(LEFT, capsules(q))
+    with Recorder(path) as file:
+        file.camera("/eye", LEFT, late, base="panda_link0")
+        for k in range(50):
+            t = 0.01 * k
+            file.joints(stamp(t), ARM.joint_names, q, 0.0 * q, arrived=late + t)
+            if k % 5 == 0:
+                file.picture("/eye", stamp(t), seen, arrived=late + t)
+    (found,) = vff.perceive(path, ARM, settings=SETTINGS, known=[FLOOR]).cameras
+    assert found.pictures >= expected - 2 and found.pictures <= expected
+    if expected == 10:
+        assert found.pictures == 10 and not found.refused
+
+
 # ------------------------------------------------------------------------------------------------ calibration
 
 

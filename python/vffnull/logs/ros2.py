@@ -115,6 +115,7 @@ def _messages(path: Path, only: Sequence[str] | None) -> Iterator[Message]:
     decoders = extra("mcap_ros2.decoder", "mcap").DecoderFactory()
     kinds = {JOINTS, LENS, TRANSFORMS, IMAGE, COMPRESSED, CLOUD}
     passed: set[str] = set()  # topics of pictures without depths
+    begins: dict[str, bool] = {}  # topics with a stamp of zero: whether it is a time
     with path.open("rb") as stream:
         reader = extra("mcap.reader", "mcap").make_reader(stream, validate_crcs=True)
         for schema, channel, message in reader.iter_messages():
@@ -130,7 +131,10 @@ def _messages(path: Path, only: Sequence[str] | None) -> Iterator[Message]:
                     f"{path}: {topic} is {channel.message_encoding} of {schema.encoding}, "
                     "expected cdr of ros2msg"
                 )
-            found = list(_read(schema.name, topic, message.log_time, decode(message.data)))
+            decoded = decode(message.data)
+            if schema.name not in (LENS, TRANSFORMS) and not _stamp(decoded) and topic not in begins:
+                begins[topic] = _begins_at_zero(path, topic)
+            found = list(_read(schema.name, topic, message.log_time, decoded, begins.get(topic, False)))
             if shows and not found:
                 passed.add(topic)
             yield from found
@@ -151,8 +155,39 @@ def outline(path: Path) -> tuple[dict[str, str], float]:
     return kinds, 1e-9 * (counted.message_end_time - counted.message_start_time) if counted else 0.0
 
 
-def _read(kind: str, topic: str, arrived: int, message: Any) -> Iterator[Message]:
-    """What a message says; nothing, if it is a picture without depths."""
+def _stamp(message: Any) -> int:
+    """When a message was stamped [ns]; 0 where it was not, or at the beginning of a simulated time."""
+    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def _begins_at_zero(path: Path, topic: str) -> bool:
+    """Whether the zeros among the stamps of a topic are times, and not times that are missing.
+
+    The first other stamp tells how far its clock is behind that of the recording. Zeros are times if the
+    first one is about as far behind, rather than a stamp of when it came would be: on the clock of the
+    recording a message comes soon after its time, and on another one that would be far from all others.
+    Where all are zero they are missing.
+    """
+    decoders = extra("mcap_ros2.decoder", "mcap").DecoderFactory()
+    zero = None
+    with path.open("rb") as stream:
+        reader = extra("mcap.reader", "mcap").make_reader(stream)
+        for schema, channel, message in reader.iter_messages([topic]):
+            decode = decoders.decoder_for(channel.message_encoding, schema)
+            stamp = _stamp(decode(message.data))
+            if stamp == 0:
+                zero = int(message.log_time) if zero is None else zero
+            elif zero is not None:
+                behind = int(message.log_time) - stamp
+                return abs(zero - behind) < abs(behind)
+    return False
+
+
+def _read(kind: str, topic: str, arrived: int, message: Any, begins: bool = False) -> Iterator[Message]:
+    """What a message says; nothing, if it is a picture without depths.
+
+    A stamp of zero is a missing one, for which the time stands at which it came, unless time `begins` there.
+    """
     if kind == TRANSFORMS:
         for each in message.transforms:
             place, turn = each.transform.translation, each.transform.rotation
@@ -164,7 +199,9 @@ def _read(kind: str, topic: str, arrived: int, message: Any) -> Iterator[Message
             )
         return
     header = message.header
-    stamp = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec or arrived
+    stamp = _stamp(message)
+    if stamp == 0 and not begins:
+        stamp = arrived
     frame = header.frame_id.lstrip("/")
     if kind == JOINTS:
         q, dq = np.array(message.position, float), np.array(message.velocity, float)
