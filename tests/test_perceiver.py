@@ -106,6 +106,20 @@ def test_a_ball_is_followed() -> None:
     np.testing.assert_allclose(found.clearance, expected.clearance, atol=1e-12)
 
 
+def test_one_wrong_time_ends_nothing() -> None:
+    """A state from the far future is dropped by the next one; a clock that truly leaps is followed."""
+    made = perceiver()
+    made.observe(1e6, AWAY, STILL)
+    for k in range(1, 30):
+        made.observe(0.01 * k, AWAY, STILL)
+    assert made.see(picture([]), 0.28)["measured"]
+    for k in range(30):
+        made.observe(1e3 + 0.01 * k, AWAY, STILL)
+    assert made.see(picture([]), 1e3 + 0.2)["measured"]
+    with pytest.raises(InputError, match="after the last one"):
+        made.observe(0.3, AWAY, STILL)
+
+
 def test_a_cloud_in_the_frame_of_the_camera() -> None:
     depth = picture([([0.5, 0.1, 0.3], 0.08)])
     columns, rows = np.meshgrid(np.arange(320), np.arange(240))

@@ -287,7 +287,8 @@ impl Perceiver {
     /// Parameters
     /// ----------
     /// t : float
-    ///     When it was measured [s], later than the last.
+    ///     When it was measured [s], later than the last. One more than a second later has leapt: up to
+    ///     sixteen of them are dropped by one that goes on where they leapt from, within a second of it.
     /// q, dq : (n,) array_like
     ///     Joint angles [rad] and velocities [rad/s].
     ///

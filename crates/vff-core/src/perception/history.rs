@@ -7,6 +7,10 @@ use std::f64::consts::TAU;
 
 /// States that are kept: a quarter of a second at 1 kHz, and more.
 const KEPT: usize = 512;
+/// A state that is later than the one before by more than this has leapt \[s\].
+const LEAP: f64 = 1.0;
+/// So many states after a leap can be dropped: the next one shows that the clock has leapt.
+const TRIAL: usize = 16;
 
 /// The last states, one after the other in time.
 #[derive(Debug, Clone)]
@@ -51,10 +55,11 @@ impl History {
         (0..count).map(move |k| (first + k) % count)
     }
 
-    /// Takes in the state at time `t` \[s\], which is later than the last.
+    /// Takes in the state at time `t` \[s\], which is later than the last, or than the last before a leap that it shows to be none:
+    /// one wrong time in the future would otherwise refuse all states from then on.
     pub(super) fn add(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Result<(), PerceptionError> {
         let last = self.places().next_back().map(|place| self.times[place]);
-        if !t.is_finite() || last.is_some_and(|last| t <= last) {
+        if !t.is_finite() || (last.is_some_and(|last| t <= last) && !self.take_back(t)) {
             return Err(PerceptionError::NotLater { given: t, last });
         }
         if self.times.len() < KEPT {
@@ -68,6 +73,27 @@ impl History {
         }
         self.next = (self.next + 1) % KEPT;
         Ok(())
+    }
+
+    /// Drops the states after a leap that is not believed as yet, if one at time `t` \[s\] goes on where they leapt from; and the first
+    /// one of all, if it is the only one and the next is as much earlier. Returns whether it did.
+    fn take_back(&mut self, t: f64) -> bool {
+        let count = self.times.len();
+        let first = if count < KEPT { 0 } else { self.next };
+        let time = |k: usize| self.times[(first + k) % count];
+        let has_leapt = |k: &usize| match k.checked_sub(1).map(time) {
+            Some(before) => before < t && t - before <= LEAP && time(*k) - before > LEAP,
+            None => count == 1 && time(0) - t > LEAP,
+        };
+        let Some(kept) = (count.saturating_sub(TRIAL)..count).rev().find(has_leapt) else {
+            return false;
+        };
+        self.times.rotate_left(first);
+        self.times.truncate(kept);
+        self.states.rotate_left(2 * self.n * first);
+        self.states.truncate(2 * self.n * kept);
+        self.next = kept;
+        true
     }
 
     fn state(&self, place: usize) -> (&[f64], &[f64]) {
@@ -164,6 +190,45 @@ mod tests {
         let at = |t: f64| history.at(t, 0.05, &mut [0.0], &mut [0.0]);
         assert_eq!([0.0, 0.04, 1.96, 2.0].map(&at), [Some(0.0); 4]);
         assert_eq!([0.06, 1.0, 1.9, 2.06].map(&at), [None; 4]);
+    }
+
+    /// Wrong times in the future are dropped by the next state that goes on where they leapt from, also where the ring is full; a clock
+    /// that truly leaps is kept, and once it is believed nothing of the old one is taken in.
+    #[test]
+    fn a_wrong_time_is_taken_back() {
+        for before in [1, 40, KEPT, KEPT + 100] {
+            let mut history = History::new(vec![false]);
+            let mut t = 0.0;
+            let add = |history: &mut History, t: f64| history.add(t, &[t], &[1.0]);
+            for _ in 0..before {
+                t += 0.01;
+                add(&mut history, t).unwrap();
+            }
+            for wrong in [1e6, 1e6 + 0.01, 3e6] {
+                add(&mut history, wrong).unwrap();
+            }
+            assert!(add(&mut history, t).is_err(), "no later than the last");
+            for _ in 0..30 {
+                t += 0.01;
+                add(&mut history, t).unwrap();
+            }
+            assert_eq!(history.times.len(), (before + 30).min(KEPT));
+            for back in [0.005, 0.245] {
+                let mut q = [0.0];
+                assert_eq!(history.at(t - back, 0.02, &mut q, &mut [0.0]), Some(0.0));
+                assert!((q[0] - (t - back)).abs() < 1e-9, "{before}: {q:?}");
+            }
+            for k in 0..=TRIAL {
+                add(&mut history, 1e3 + 0.01 * k as f64).unwrap();
+            }
+            assert!(add(&mut history, t + 0.01).is_err());
+            assert_eq!(history.at(1e3 + 0.1, 0.02, &mut [0.0], &mut [0.0]), Some(0.0));
+        }
+        let mut history = History::new(vec![false]);
+        for t in [1e6, 0.0, 0.01] {
+            history.add(t, &[0.0], &[0.0]).unwrap();
+        }
+        assert!(history.add(-0.5, &[0.0], &[0.0]).is_err());
     }
 
     /// An angle that begins anew at half a turn has gone the short way; one that has an end has not.

@@ -295,6 +295,8 @@ impl Perceiver {
     }
 
     /// Takes in a state of the arm: angles \[rad, m\] and velocities \[rad/s, m/s\] at time `t` \[s\], (n) each. The last 512 are kept.
+    /// One more than a second later than the one before has leapt: up to sixteen of them are dropped by one that goes on where they
+    /// leapt from, within a second of it.
     ///
     /// # Errors
     /// If it is not later than the last one, has another length, or is not finite.
