@@ -264,6 +264,30 @@ def test_a_recording_is_not_written_over(tmp_path: Path, monkeypatch: pytest.Mon
     assert "would be written over" in command(*given, code=2, errors=True)
 
 
+def test_states_that_say_nothing_are_left_out(tmp_path: Path) -> None:
+    """One without numbers, and one from the far future; velocities that are no numbers count as missing."""
+    path = tmp_path / "r.mcap"
+    with Recorder(path) as file:
+        file.camera("/eye", LEFT, base="panda_link0")
+        for k in range(100):
+            t, (q, _) = 0.01 * k, motion(0.01 * k)
+            stamp = 1e6 if k == 70 else t
+            file.joints(stamp, ARM.joint_names, np.nan * q if k == 30 else q, np.nan * q, arrived=t)
+            if k % 10 == 5:
+                file.picture("/eye", t, take(LEFT, capsules(q)), arrived=t + 0.001)
+    report = vff.perceive(path, ARM, settings=SETTINGS, known=[FLOOR])
+    assert report.unusable_states == {
+        "/joint_states: not finite, the first after 0.300 s": 1,
+        "/joint_states: with a time from the future, the first after 0.700 s": 1,
+    }
+    assert report.states == 100 and report.late_states == 0 and report.duration == pytest.approx(0.99)
+    assert report.cameras[0].pictures == 10 and report.refused == 0
+    assert report.points == (0, 0)  # with velocities that come of positions all of it is the arm
+    told = command(path, "--arm", "panda")
+    assert "left out: 1 of /joint_states: not finite, the first after 0.300 s" in told
+    assert vff.calibrate(path, ARM)[0].pictures > 3
+
+
 @pytest.mark.parametrize(
     ("stamp", "late", "expected"),
     [

@@ -174,6 +174,8 @@ def _obstacles(scenario: str | None) -> list[dict[str, Any]]:
 def _tell(report: PerceptionReport) -> None:
     late = f", {report.late_states} late and left out" if report.late_states else ""
     click.echo(f"{report.duration:.1f} s, {report.states} states of the arm{late}")
+    for reason, count in report.unusable_states.items():
+        click.echo(click.style(f"left out: {count} of {reason}", fg="yellow"))
     click.echo(f"{report.points[0]} points left, {report.points[1]} at most\n")
     for each in report.cameras:
         click.echo(click.style(each.topic, bold=True))

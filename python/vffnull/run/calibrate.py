@@ -35,6 +35,7 @@ TIGHT = 0.006  # m: nearer than this no point is left out
 STEP = 1e-5  # m, rad, s: of differences
 LOSS = 0.004  # m: residuals beyond are weighed less
 LEAST = 200  # points without which nothing is said
+LEAP = 1.0  # s: a state that is later by more than this has leapt, as a perceiver takes it
 MOTION = 0.05  # rad/s: an arm that is slower throughout does not tell the time
 
 
@@ -148,12 +149,19 @@ def _gathered(cell: Cell, max_depth: float) -> tuple[Any, list[list[_Frame]]]:
     stride = max(1, int(min(np.sqrt(c["rows"] * c["columns"] / PIXELS) for c in cell.cameras)))
     reader = Perceiver(cell.arm, cell.cameras, {"stride": stride, "range": max_depth, "voxel": 0.2})
     states, frames = _Thinned(STATES), [_Thinned(PICTURES) for _ in cell.sources]
-    last = -np.inf
+    before = last = -np.inf
     for event in cell.events():
         if isinstance(event, State):
-            if event.t > last and states.wants():
-                states.kept.append(event)
-            last = max(last, event.t)
+            if not event.is_finite:
+                continue
+            if before < event.t <= before + LEAP < last:  # the last one was stamped wrongly
+                if states.kept and states.kept[-1].t == last:
+                    states.kept.pop()
+                last = before
+            if event.t > last:
+                if states.wants():
+                    states.kept.append(event)
+                before, last = last, event.t
         elif frames[event.camera].wants():
             seen = event.cloud
             if event.depth is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
@@ -19,7 +19,7 @@ from vffnull._support.extras import extra
 from vffnull._support.files import apart, replacing
 from vffnull._support.progress import Progress
 from vffnull.logs import ros2
-from vffnull.run.recording import Cell, Shot
+from vffnull.run.recording import Cell, Shot, State
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CameraReport", "PerceptionReport", "TrackReport", "perceive"]
 
+_RECENT = 32  # states, which are more than a perceiver drops at once
 _LINKS = 10  # of so many pictures one is asked which link its points are on
 
 
@@ -80,6 +81,8 @@ class PerceptionReport:
     states: int
     late_states: int
     """States that are no later than the one before, which are left out."""
+    unusable_states: dict[str, int]
+    """States that are left out, by the topic, what is wrong with them, and when the first one was said."""
     points: tuple[int, int]
     """How many there were, median and most."""
     cameras: list[CameraReport]
@@ -195,10 +198,11 @@ class _Replay:
         self._refused: list[Counter[str]] = [Counter() for _ in count]
         self._tracks: dict[tuple[int, int], TrackReport] = {}
         self._points: list[int] = []
-        self._q: Array | None = None
+        self._unusable: dict[str, list[float]] = {}
+        self._recent: deque[State] = deque(maxlen=_RECENT)
 
     def run(self, progress: Progress | None) -> PerceptionReport:
-        states, late, last, end = 0, 0, -np.inf, 0.0
+        states, late, end = 0, 0, 0.0
         _, duration = ros2.outline(self._cell.path)
         for event in self._cell.events():
             if isinstance(event, Shot):
@@ -207,23 +211,37 @@ class _Replay:
                 if progress is not None and duration > 0.0:
                     progress(min(end, duration), duration)
                 continue
-            states += 1
-            if event.t > last:
+            states, end = states + 1, max(end, event.arrived)
+            if not event.is_finite:
+                self._leave_out(event, "not finite")
+                continue
+            try:
                 self._perceiver.observe(event.t, event.q, event.dq)
-                last, self._q = event.t, event.q
-            else:
+            except InputError:  # all else has been looked at before
                 late += 1
+                continue
+            while self._recent and self._recent[-1].t >= event.t:  # the perceiver has dropped it
+                self._leave_out(self._recent.pop(), "with a time from the future")
+            self._recent.append(event)
         for number, camera in enumerate(self._cameras):
             self._sum_up(number, camera)
         points = (int(np.median(self._points)), max(self._points)) if self._points else (0, 0)
+        unusable = {
+            f"{what}, the first after {min(times):.3f} s": len(times)
+            for what, times in self._unusable.items()
+        }
         return PerceptionReport(
-            max(end, last if states else 0.0),
+            end,
             states,
             late,
+            unusable,
             points,
             self._cameras,
             list(self._tracks.values()),
         )
+
+    def _leave_out(self, state: State, why: str) -> None:
+        self._unusable.setdefault(f"{state.topic}: {why}", []).append(state.arrived)
 
     def _see(self, shot: Shot) -> None:
         camera, number = self._cameras[shot.camera], shot.camera
@@ -256,10 +274,10 @@ class _Replay:
     def _ask_links(self, shot: Shot) -> None:
         """Which links the points are on that lie on the arm."""
         arm, camera = self._cell.arm, self._cell.sources[shot.camera].camera
-        if self._q is None:
+        if not self._recent:
             return
         seen = shot.cloud if shot.depth is None else self._perceiver.deproject(shot.depth, shot.camera)
-        distances, links = surface_distances(arm, self._q, in_world(camera, seen))
+        distances, links = surface_distances(arm, self._recent[-1].q, in_world(camera, seen))
         own, names = links[distances < _near(self._perceiver)], ["base", *arm.link_names]
         self._links[shot.camera].update({names[k + 1]: int((own == k).sum()) for k in np.unique(own)})
 

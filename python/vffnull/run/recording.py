@@ -43,11 +43,18 @@ class Source:
 
 @dataclass(frozen=True)
 class State:
-    """Where the arm was at a time [s]."""
+    """Where the arm was at a time [s], when that was said [s], and on which topic."""
 
     t: float
     q: Array
     dq: Array
+    arrived: float
+    topic: str
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it says where the arm was."""
+        return bool(np.isfinite(self.q).all() and np.isfinite(self.dq).all())
 
 
 @dataclass(frozen=True)
@@ -241,14 +248,16 @@ class Cell:
                     t = self._seconds(message.stamp)
                     at = [message.names.index(name) for name in self.joints]
                     q = message.q[at]
-                    if message.dq is not None:
+                    if message.dq is not None and not np.isnan(message.dq[at]).all():
                         dq = message.dq[at]
                     elif before is not None and t > before.t:
                         dq = (q - before.q) / (t - before.t)
                     else:
                         dq = np.zeros_like(q)
-                    before = State(t, q, dq)
-                    yield before
+                    state = State(t, q, dq, self._seconds(message.arrived), message.topic)
+                    if state.is_finite:
+                        before = state
+                    yield state
                 case ros2.Picture():
                     number = numbers[message.topic]
                     t = self._seconds(message.stamp) + self.sources[number].time_offset
