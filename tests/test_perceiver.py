@@ -222,11 +222,13 @@ def camera(**changed: Any) -> dict[str, Any]:
         (lambda: vff.Perceiver(ARM, [CAMERA], {"stride": 1.5}), "settings.stride: must be a whole number"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"room": [1.0]}), r"settings.room: expected shape \(2, 3\)"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"memory": -1.0}), "settings.memory: must be 0 or more"),
+        (lambda: vff.Perceiver(ARM, [CAMERA], {"range": np.inf}), "settings.range: must be finite, got inf"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"voxel": 1e-5}), "settings.room: has .* cells"),
         (lambda: perceiver().see(np.ones((3, 3)), 0.0), r"depth: expected shape \(240, 320\), got \(3, 3\)"),
         (lambda: perceiver().see(np.ones((240, 320)), 0.0, camera=1), "there is no camera 1"),
         (lambda: perceiver().see(np.ones((240, 320), np.int32), 0.0), "depth: expected uint16, .* got int32"),
         (lambda: perceiver().see(np.ones((240, 320), np.uint8), 0.0), "depth: expected uint16, .* got uint8"),
+        (lambda: perceiver().see(np.full((240, 320), 1000, object), 0.0), "expected uint16, .* got int64"),
         (lambda: perceiver().see(np.ma.ones((240, 320), np.uint16), 0.0), "depth: .* got a masked array"),
         (
             lambda: vff.Perceiver(ARM, [CAMERA], known=[TABLE, MOVES]),

@@ -316,6 +316,29 @@ def test_stamps_of_zero(tmp_path: Path, stamp: Any, late: float, expected: int) 
         assert found.pictures == 10 and not found.refused
 
 
+def test_pictures_without_a_depth_are_told(tmp_path: Path) -> None:
+    """Floats in millimetres are too far away, and a picture may be empty: why that may be is said."""
+    for name, wrong in (("unit", 1000.0), ("empty", np.nan)):
+        path, (q, dq) = tmp_path / f"{name}.mcap", motion(0.0)
+        with Recorder(path) as file:
+            file.camera("/eye", LEFT, base="panda_link0")
+            file.joints(0.0, ARM.joint_names, q, dq)
+            file.picture("/eye", 0.0, np.float32(wrong) * (1e-3 * take(LEFT, capsules(q))))
+        told = command(path, "--arm", "panda", errors=True)
+        assert "/eye/image: no picture has a depth within the range: floats are metres" in told
+        assert "nan" not in command(path, "--arm", "panda")
+
+
+def test_what_is_unknown_is_named(tmp_path: Path) -> None:
+    """A frame that there is not, with those that there are; and a file that ends in its first bytes."""
+    path = written(tmp_path / "r.mcap")
+    with pytest.raises(InputError, match="no frame is called 'nix', there are eye_frame, panda_link0; name"):
+        vff.perceive(path, ARM, base="nix")
+    (tmp_path / "short.mcap").write_bytes(path.read_bytes()[:8])
+    with pytest.raises(InputError, match=r"short.mcap: not a sound MCAP recording"):
+        vff.perceive(tmp_path / "short.mcap", ARM)
+
+
 # ------------------------------------------------------------------------------------------------ calibration
 
 

@@ -107,7 +107,11 @@ impl Perceiver {
             }
             _ => Ok(()),
         };
-        let (given, kind) = any_array("depth", depth)?;
+        let (mut given, mut kind) = any_array("depth", depth)?;
+        if kind == "O" {
+            // As what NumPy makes of its numbers: whole ones are no metres here either.
+            (given, kind) = any_array("depth", &given.call_method0("tolist")?)?;
+        }
         if "iub".contains(&kind) {
             let dtype: String = given.getattr("dtype")?.getattr("name")?.extract()?;
             if dtype != "uint16" {

@@ -137,6 +137,13 @@ def perceive(
             "room, or farther apart than cells are wide (room, voxel, stride, least_points)",
             "yellow",
         )
+    for each in report.cameras:
+        if each.pictures and not each.measured:
+            say(
+                f"warning: {each.topic}: no picture has a depth within the range: floats are metres, uint16 "
+                "millimetres, and what has another unit is too far away (range); or nothing was measured",
+                "yellow",
+            )
     moved = [each for each in report.cameras if each.moved or each.turned]
     for each in moved:
         say(
@@ -183,8 +190,8 @@ def _tell(report: PerceptionReport) -> None:
         click.echo(f"  pictures     {each.pictures}, {rate}, {_gaps(each.gaps, each.longest)}")
         for reason, count in each.refused.items():
             click.echo(click.style(f"  refused      {count}: {reason}", fg="yellow"))
-        share = each.own / each.measured if each.measured else math.nan
-        click.echo(f"  pixels       {each.measured} with a depth, {100 * share:.1f} % the arm's")
+        share = f", {100 * each.own / each.measured:.1f} % the arm's" if each.measured else ""
+        click.echo(f"  pixels       {each.measured} with a depth{share}")
         links = ", ".join(f"{name} {100 * part:.0f} %" for name, part in each.own_by_link.items())
         if links:
             click.echo(f"  of the arm   {links}")

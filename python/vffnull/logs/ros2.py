@@ -102,9 +102,11 @@ def messages(path: Path, only: Sequence[str] | None = None) -> Iterator[Message]
     """
     try:
         yield from _messages(path, only)
-    except (InputError, OSError):
+    except InputError:
         raise
     except Exception as error:  # its readers have errors of every kind for bytes that are no recording
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
         about = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(
             f"{path}: not a sound MCAP recording; `mcap recover` mends one that was cut off ({about})"

@@ -227,10 +227,13 @@ class Cell:
         """The pose of a frame in the world of the arm, and the frames on the way."""
         (root, pose, above), (other, base, below) = (_to_root(name, frames) for name in (frame, self._base))
         if root != other:
+            known = sorted({name for each in frames.values() for name in (each.parent, each.child)})
+            why = f"one ends at {root!r}, the other at {other!r}"
+            if self._base not in known:
+                why = f"no frame is called {self._base!r}, there are {', '.join(known[:20]) or 'none'}"
             raise InputError(
-                f"{self.path}: {topic}: no transform leads from {frame!r} to the base {self._base!r}: "
-                f"one ends at {root!r}, the other at {other!r}; name another base, or say position and "
-                "orientation in a file of cameras"
+                f"{self.path}: {topic}: no transform leads from {frame!r} to the base {self._base!r}: {why}; "
+                "name another base, or say position and orientation in a file of cameras"
             )
         return self._mount @ np.linalg.inv(base) @ pose, above | below
 

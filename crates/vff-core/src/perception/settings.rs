@@ -98,7 +98,8 @@ impl PerceiverSettings {
             if given.is_finite() && (requirement.holds)(given) {
                 return Ok(());
             }
-            let problem = format!("must be {}, got {given}", requirement.words);
+            let words = if given.is_finite() { requirement.words } else { "finite" };
+            let problem = format!("must be {words}, got {given}");
             Err(PerceptionError::Setting { key, problem })
         })?;
         for (key, given, most) in [
