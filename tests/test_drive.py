@@ -348,12 +348,12 @@ def test_robots_of_positions_and_velocities() -> None:
             self.dq, self.t = (self.q - before) / 1e-3, self.t + 1e-3
             self.most = max(self.most, abs(self.dq).max())
 
-    start = ARM.pose(SCENE["q0"])[0]
+    start, barred = ARM.pose(SCENE["q0"])[0], vff.Controller(ARM, {**SCENE["controller"], "avoidance": "cbf"})
     for command in ("position", "velocity"):
         robot = Servo(command)
-        with vff.drive(robot, controller(), obstacles=[BALL], seconds=2.0, limits=LIMITS) as drive:
+        with vff.drive(robot, barred, obstacles=[BALL], seconds=2.0, limits=LIMITS) as drive:
             report = finished(drive)
-        assert (report.status, report.notes) == ("completed", ())
+        assert (report.status, report.notes) == ("completed", ()) and report.clearance > 0.01
         assert 0.02 < robot.most <= 1.0 + 1e-3  # between two set points a joint may be a little faster
         assert abs(robot.q - SCENE["q0"]).max() > 0.02
         assert abs(ARM.pose(robot.q)[0] - start).max() < 2e-3
@@ -376,6 +376,152 @@ def test_robots_of_positions_and_velocities() -> None:
     ):
         finished(drive)
     assert robot.most == 0.0
+
+
+class Still:
+    """A robot of positions that goes where it is told, in its own time."""
+
+    command, paces = "position", True
+
+    def __init__(self, q: Any, dq: float = 0.0) -> None:
+        self.t, self.q, self.dq = 5.0, np.array(q), np.full(len(q), dq)
+        self.told = 0
+
+    def read(self) -> Any:
+        return self.t, self.q, self.dq
+
+    def write(self, command: Any, /) -> None:
+        self.q, self.dq = command.copy(), (command - self.q) / 1e-3
+        self.t, self.told = self.t + 1e-3, self.told + 1
+
+
+@pytest.mark.parametrize(("acceleration", "jerk"), [(10.0, 1000.0), (5.0, 500.0)])
+def test_barriers_know_what_set_points_can(acceleration: float, jerk: float) -> None:
+    """Where a law that knows nothing of the limits leads 4 and 31 mm farther in."""
+    scene = vff.Scenario.load("ur5e-crossed")
+    most = {"acceleration": acceleration, "jerk": jerk}
+    with vff.drive(Still(scene["q0"]), scene, seconds=4.0, limits=most) as drive:
+        report = finished(drive)
+    assert report.status == "completed" and report.notes == ()
+    assert 0.015 < report.clearance < 0.05
+
+
+def test_contacts_are_named() -> None:
+    """Whatever the law, by torques and set points; how near it came otherwise."""
+    scene = vff.Scenario.load("ur5e-crossed").replace(**{"controller.avoidance": "null_space"})
+    limits = {"acceleration": 20.0, "jerk": 2000.0}
+    for robot, more in ((SimulatedRobot(scene), {}), (Still(scene["q0"]), {"limits": limits})):
+        with vff.drive(robot, scene, seconds=3.0, **more) as drive:
+            report = finished(drive)
+        assert report.status == "completed" and report.clearance < 0.0
+        depth = f" was {-1e3 * report.clearance:.1f} mm inside an obstacle at t = "
+        assert any(note.startswith("link ") and depth in note for note in report.notes), report.notes
+        assert "In contact, by" in repr(report)
+        assert report.to_dict()["clearance"] == report.clearance
+    alone = scene.replace(obstacles=[])
+    with vff.drive(SimulatedRobot(alone), alone, seconds=0.1) as drive:
+        report = finished(drive)
+    assert report.clearance == np.inf and report.to_dict()["clearance"] is None
+
+
+def test_gains_that_throw_an_arm_are_refused() -> None:
+    """At the rate of the drive, by a successor, and by hand."""
+    for gains, says in (
+        ({"damping": 60.0, "stiffness": 100.0}, "damping: 60 1/s is unstable at a control period of 0.05 s"),
+        ({"null_damping": 50.0, "damping": 10.0, "stiffness": 25.0}, "null_damping: 50 1/s is unstable"),
+        ({"damping": 5.0, "stiffness": 400.0}, "too little for a stiffness of 400"),
+    ):
+        law = vff.Controller(ARM, gains)
+        with pytest.raises(InputError, match=says):
+            vff.drive(SimulatedRobot(SCENE), law, rate=20.0)
+        with pytest.raises(InputError, match=says):
+            law.begin(0.05)
+        with pytest.raises(InputError, match=says):
+            vff.VirtualArm(law, SCENE["q0"], period=0.05, acceleration=10.0, jerk=500.0)
+        calm = vff.Controller(ARM, {"damping": 10.0, "stiffness": 25.0, "null_damping": 5.0})
+        with vff.drive(SimulatedRobot(SCENE, rate=20.0), calm, rate=20.0, seconds=0.5) as drive:
+            with pytest.raises(InputError, match=says):
+                drive.set_controller(law)
+            finished(drive)
+
+
+def test_turns_of_endless_joints_are_counted() -> None:
+    """A reading within half a turn is that of the same joint: torques and set points are as if it went on."""
+    gen3 = vff.Arm.named("gen3")
+    q0 = np.array([3.0, 0.3, 0.0, 1.8, 0.0, 0.9, 0.0])
+    there = [*(q0[:1] + 0.8), *q0[1:]]
+    law = {
+        "stiffness": 0.001,
+        "damping": 1.0,
+        "null_damping": 5.0,
+        "posture": there,
+        "posture_stiffness": 40.0,
+    }
+    scene = vff.Scenario(arm=gen3, q0=list(q0), duration=5.0, reference={"kind": "setpoint"}, controller=law)
+
+    class Wrapped:
+        def __init__(self, robot: Any) -> None:
+            self.robot, self.paces = robot, True
+            self.command = getattr(robot, "command", "torque")
+            self.seen: list[Any] = []
+
+        def read(self) -> Any:
+            t, q, dq = self.robot.read()
+            self.seen.append(np.array(q))
+            turned = np.array(q)
+            turned[0] = (turned[0] + np.pi) % (2 * np.pi) - np.pi
+            return t, turned, dq
+
+        def write(self, command: Any, /) -> None:
+            self.robot.write(command)
+
+    limits = {"acceleration": 4.0, "jerk": 100.0}
+    for robot, more in ((SimulatedRobot(scene), {}), (Still(q0), {"limits": limits})):
+        wrapped = Wrapped(robot)
+        with vff.drive(wrapped, vff.Controller(gen3, law), seconds=3.0, **more) as drive:
+            report = finished(drive)
+        assert (report.status, report.reason) == ("completed", "")
+        assert wrapped.seen[-1][0] > np.pi + 0.05
+        assert abs(np.diff(np.array(wrapped.seen), axis=0)).max() < 0.01
+
+
+def test_set_points_begin_at_rest() -> None:
+    robot = Still(SCENE["q0"], dq=0.3)
+    with (
+        pytest.warns(RuntimeWarning, match="joint 0 moves at 0.300 where set points begin"),
+        vff.drive(robot, controller(), seconds=1.0, limits=LIMITS) as drive,
+    ):
+        finished(drive)
+    assert robot.told == 0
+    noisy = Still(SCENE["q0"], dq=0.01)
+    with vff.drive(noisy, controller(), seconds=0.1, limits=LIMITS) as drive:
+        assert finished(drive).status == "completed"
+
+
+def test_references_that_no_number_holds_are_refused() -> None:
+    """Where they are given, so that the loop goes on."""
+    with vff.drive(SimulatedRobot(SCENE), controller(), seconds=0.3) as drive:
+        pose = np.concatenate(ARM.pose(SCENE["q0"]))
+        for wrong in (([1e300, *pose[1:]],), (pose, [1e300] * 6), (pose, [0.0] * 6, [-1e10] * 6)):
+            with pytest.raises(InputError, match="x_ref: must be within 1e9"):
+                drive.set_target(*wrong)
+        assert finished(drive).status == "completed"
+
+
+def test_a_torque_that_cannot_be_asked_for_ends_it() -> None:
+    """Nothing begins from a guess where the robot was to say what acts."""
+
+    class Broken(InPython):
+        def torque(self) -> Any:
+            raise ValueError("sensor broken")
+
+    robot = Broken()
+    with (
+        pytest.warns(RuntimeWarning, match="ValueError: sensor broken"),
+        vff.drive(robot, controller(), seconds=0.1) as drive,
+    ):
+        report = finished(drive)
+    assert report.status == "fault" and isinstance(report.cause, ValueError) and not robot.told
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -396,7 +396,12 @@ def test_ur_holds_where_no_torque_comes() -> None:
             break
     assert there.left > 10 and there.reflex is not None and there.reflex.rule.name == "watchdog"
     assert there.reflex.value > 0.005
-    for wrong in ({"watchdog": 0.0}, {"viscous_scale": 1.1}, {"coulomb_scale": [0.5] * 5}):
+    for wrong in (
+        {"watchdog": 0.0},
+        {"viscous_scale": 1.1},
+        {"coulomb_scale": [0.5] * 5},
+        {"command": "position"},
+    ):
         with pytest.raises(InputError):
             URRobot(there, **wrong)
 

@@ -676,7 +676,7 @@ class Controller:
         Raises
         ------
         vffnull.errors.InputError
-            If the period is not positive, or too long for the settings' `stop_damping`.
+            If the period is not positive, or too long for the settings' gains or their `stop_damping`.
         """
     def cycle(
         self,
@@ -1792,8 +1792,8 @@ class DriveLoop:
     def rows(self) -> tuple[dict[str, Any], int]:
         """The rows that are to be recorded since the last call, as arrays, and how many were lost."""
     def report(self) -> dict[str, Any] | None:
-        """How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``missed``,
-        ``skipped``, ``notes``, histograms. None while it runs.
+        """How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``clearance``,
+        ``missed``, ``skipped``, ``notes``, histograms. None while it runs.
         """
 
 def surface_distances(arm: Arm, q: ArrayLike, points: ArrayLike) -> tuple[_Array, NDArray[np.int64]]:
@@ -1970,7 +1970,7 @@ def plan(
     upright : list of float or None
         The configuration in which it stands upright [rad]; the start by default.
     acceleration, jerk : list of float or None
-        What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane and 10 in space, and any.
+        What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane, 10 in space, and any.
     speed : float
         Share of the limits of speed, acceleration and jerk, in (0, 1].
     samples : int
@@ -2372,8 +2372,9 @@ class VirtualArm:
 
     Once per cycle, `step` moves the model by one period under the torque of the controller, within limits of
     speed, acceleration and jerk, and within the arm's joint limits. The law sees what these limits make of
-    its torque. Where a joint of the robot and its set point part by more than `threshold`, the model comes to
-    the robot, within the same limits, until they are within a quarter of that.
+    its torque, and the barriers of ``cbf`` act as early as they need. Where a joint of the robot and its set
+    point part by more than `threshold`, the model comes to the robot, within the same limits, until they are
+    within a quarter of that.
 
     Parameters
     ----------
@@ -2395,8 +2396,8 @@ class VirtualArm:
     Raises
     ------
     vffnull.errors.InputError
-        If a number is not positive, an array has the wrong length, no speed is known, or a joint is more
-        than 0.2 rad (0.05 m) beyond its stop.
+        If a number is not positive, an array has the wrong length, no speed is known, a gain is unstable at
+        this period, or a joint is more than 0.2 rad (0.05 m) beyond its stop.
 
     Examples
     --------

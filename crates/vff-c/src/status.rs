@@ -142,6 +142,7 @@ impl From<VirtualArmError> for Fault {
             }
             VirtualArmError::NotPositive { name: "period", given } => Self::NoPeriod(given),
             VirtualArmError::Elsewhere(missed) => Self::Elsewhere(missed),
+            VirtualArmError::Gain(error) => error.into(),
             error => Self::Limits(error),
         }
     }

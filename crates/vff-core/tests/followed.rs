@@ -218,6 +218,37 @@ fn limits() -> SetPointLimits {
     SetPointLimits { speed: Some(ScalarOrVec::Uniform(2.0)), acceleration, jerk, threshold: 0.1 }
 }
 
+/// A plan that set points cannot follow is refused, and the law goes on as if it had not been asked; within their limits it is followed, and a
+/// loop of torques that begins later knows nothing of them.
+#[test]
+fn set_points_refuse_a_plan_that_they_cannot_follow() {
+    let mut controller = controller();
+    let q = [0.2, 0.3, 0.3, 0.3];
+    let torque = |controller: &mut AnyController| {
+        controller.observe(&q, &[0.5; 4], 0.0);
+        controller.follow().to_vec()
+    };
+    let free = torque(&mut controller);
+    let slow = |acceleration: f64, jerk: f64| SetPointLimits {
+        acceleration: ScalarOrVec::Uniform(acceleration),
+        jerk: ScalarOrVec::Uniform(jerk),
+        ..limits()
+    };
+    for (limits, says) in [(slow(0.1, 1e4), "acceleration: "), (slow(50.0, 0.5), "jerk: ")] {
+        let refused = VirtualArm::new(&mut controller, &limits, H, &q).unwrap_err();
+        assert!(matches!(refused, VirtualArmError::TooFast { .. }));
+        assert!(refused.to_string().starts_with(says), "{refused}");
+        assert_eq!(torque(&mut controller), free);
+    }
+    let mut arm = VirtualArm::new(&mut controller, &limits(), H, &q).unwrap();
+    for k in 0..100 {
+        arm.step(&mut controller, H * f64::from(k), None, None).unwrap();
+    }
+    controller.begin(H, None).unwrap();
+    controller.forget();
+    assert_eq!(torque(&mut controller), free);
+}
+
 /// Set points follow the reference from the first on, whatever the clock says and however often they begin, and go nowhere from
 /// elsewhere.
 #[test]

@@ -312,7 +312,7 @@ impl Controller {
     /// Raises
     /// ------
     /// vffnull.errors.InputError
-    ///     If the period is not positive, or too long for the settings' `stop_damping`.
+    ///     If the period is not positive, or too long for the settings' gains or their `stop_damping`.
     #[pyo3(signature = (period, tau=None), text_signature = "($self, period, tau=None)")]
     fn begin(
         &self,

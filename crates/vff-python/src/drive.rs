@@ -544,8 +544,8 @@ impl DriveLoop {
         Ok((self.columns(py, &rows.values, false)?, rows.lost))
     }
 
-    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``clearance``, ``missed``,
-    /// ``skipped``, ``notes``, histograms. None while it runs.
+    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``clearance``,
+    /// ``missed``, ``skipped``, ``notes``, histograms. None while it runs.
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let over = lock(&self.end.report);
         let Some((report, refused)) = over.clone() else { return Ok(None) };

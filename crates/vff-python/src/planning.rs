@@ -31,7 +31,7 @@ use vff_core::trajectory::JointSpline;
 /// upright : list of float or None
 ///     The configuration in which it stands upright [rad]; the start by default.
 /// acceleration, jerk : list of float or None
-///     What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane and 10 in space, and any.
+///     What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane, 10 in space, and any.
 /// speed : float
 ///     Share of the limits of speed, acceleration and jerk, in (0, 1].
 /// samples : int

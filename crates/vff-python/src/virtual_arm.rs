@@ -17,8 +17,9 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 ///
 /// Once per cycle, `step` moves the model by one period under the torque of the controller, within limits of
 /// speed, acceleration and jerk, and within the arm's joint limits. The law sees what these limits make of
-/// its torque. Where a joint of the robot and its set point part by more than `threshold`, the model comes to
-/// the robot, within the same limits, until they are within a quarter of that.
+/// its torque, and the barriers of ``cbf`` act as early as they need. Where a joint of the robot and its set
+/// point part by more than `threshold`, the model comes to the robot, within the same limits, until they are
+/// within a quarter of that.
 ///
 /// Parameters
 /// ----------
@@ -40,8 +41,8 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 /// Raises
 /// ------
 /// vffnull.errors.InputError
-///     If a number is not positive, an array has the wrong length, no speed is known, or a joint is more
-///     than 0.2 rad (0.05 m) beyond its stop.
+///     If a number is not positive, an array has the wrong length, no speed is known, a gain is unstable at
+///     this period, or a joint is more than 0.2 rad (0.05 m) beyond its stop.
 ///
 /// Examples
 /// --------

@@ -9,6 +9,7 @@ import io
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
 from typing import Any
@@ -22,6 +23,8 @@ from vffnull._support.extras import extra
 __all__ = ["Joints", "Lens", "Message", "Picture", "Recorder", "Transform", "messages", "outline"]
 
 Array = NDArray[Any]
+
+_LOOKED_AT = 10_000  # messages of a topic, to see whether its zero stamps are times
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,7 @@ def _begins_at_zero(path: Path, topic: str) -> bool:
     zero = None
     with path.open("rb") as stream:
         reader = extra("mcap.reader", "mcap").make_reader(stream)
-        for schema, channel, message in reader.iter_messages([topic]):
+        for schema, channel, message in islice(reader.iter_messages([topic]), _LOOKED_AT):
             decode = decoders.decoder_for(channel.message_encoding, schema)
             stamp = _stamp(decode(message.data))
             if stamp == 0:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Drive", "DriveReport", "DriveState", "drive"]
 
 _DRAIN = 0.1  # s between two looks for rows to record
+_LIKE = (str, os.PathLike, Scenario)
 _PATIENCE = 10.0  # s after which a robot that does not answer is left alone
 
 
@@ -123,8 +124,8 @@ class DriveReport(Clock):
     lost : int
         Rows of the recording that were lost because its thread came too late.
     clearance : float
-        The least distance of a link from an obstacle that the law knew [m], at the set points of a robot
-        that takes them: negative in contact, which the notes name; infinite without obstacles.
+        The least distance of a link from what the law knew [m], at the set points if there are any: negative
+        in contact, which the notes name, infinite without obstacles.
     replans : tuple of Replan
         Every search for a plan.
     left_out : dict
@@ -454,9 +455,8 @@ def drive(
 
     A robot in Python needs Python's lock (the GIL) in every period: any other thread of Python that computes
     delays it, by up to ``sys.getswitchinterval()`` (5 ms), and more where a library holds the lock for
-    longer. On two cores a period took 0.04 ms (median), beside a thread that computes 5.4 ms, and 0.3 ms
-    with a switch interval of 0.1 ms; docs/on-your-robot.md has a table. A `SimulatedRobot`, and drivers in
-    Rust (``vff_core::runtime::drive``), take 0.01 ms and do not need the lock.
+    longer; docs/on-your-robot.md has a table. A `SimulatedRobot`, and drivers in Rust
+    (``vff_core::runtime::drive``), take 0.01 ms and do not need the lock.
 
     Parameters
     ----------
@@ -483,7 +483,7 @@ def drive(
     limits : Mapping, optional
         Needed for a robot that takes positions or velocities: ``acceleration`` [rad/s²] and ``jerk``
         [rad/s³] of its set points, and if you like ``speed`` and ``threshold``; see `VirtualArm`, whose set
-        points it gets.
+        points it gets. ``cbf`` keeps distances within these limits; a plan that needs more is refused.
     record_to : str or path, optional
         A file ``.arrows`` that is written while the robot is driven: see `StreamRecorder`, which reads it.
         It holds what was written half a second before a process was killed. Needs ``vffnull[io]``.
@@ -554,9 +554,7 @@ def drive(
         loop.set_obstacles(tuple(obstacles), 0.0)
     if x_ref is not None:
         loop.set_target(x_ref)
-    recorder = None
-    if record_to is not None:
-        recorder = StreamRecorder(record_to, dimension=loop.dimension)
+    recorder = None if record_to is None else StreamRecorder(record_to, dimension=loop.dimension)
     return Drive(robot, loop, options["rate"], recorder)  # type: ignore[arg-type]
 
 
@@ -564,9 +562,8 @@ def _kind(robot: object) -> CommandKind:
     """What it takes; first of all whether it is a robot."""
     for name in ("read", "write"):
         if not callable(getattr(robot, name, None)):
-            raise InputTypeError(
-                f"robot: expected an object with read() and write(), not a {type(robot).__name__}"
-            )
+            given_type = type(robot).__name__
+            raise InputTypeError(f"robot: expected an object with read() and write(), not a {given_type}")
     given = getattr(robot, "command", "torque")
     kinds: tuple[CommandKind, ...] = get_args(CommandKind)
     for kind in kinds:
@@ -586,17 +583,13 @@ def _scenario(robot: object, given: object) -> Scenario:
     return scenario
 
 
-_LIKE = (str, os.PathLike, Scenario)
-
-
 def _suits(robot: object, loop: _core.DriveLoop) -> None:
     """Refuse a controller that would add a weight twice, or change torques too fast."""
     theirs = getattr(robot, "gravity", "controller")
     if loop.gravity != theirs:
         raise InputError(
             f"controller: its command.gravity is {loop.gravity!r}, the robot's is {theirs!r}: one of them, "
-            "and only one, adds the torque against gravity; give the controller "
-            f'command={{"gravity": "{theirs}"}}'
+            f'and only one, adds the torque against gravity; give it command={{"gravity": "{theirs}"}}'
         )
     most, rate = getattr(robot, "torque_rate", None), loop.torque_rate
     if most is not None and (rate is None or rate > most):

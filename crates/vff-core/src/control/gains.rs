@@ -110,6 +110,13 @@ fn posture_of(settings: &Settings) -> impl Iterator<Item = (f64, f64)> + '_ {
 }
 
 impl Settings {
+    /// The fastest rate at which the law reacts \[1/s\], the largest of D, D_q and √K.
+    pub fn fastest_rate(&self) -> f64 {
+        let Self { stiffness, damping, null_damping, .. } = self;
+        let rates = damping.values().iter().chain(null_damping.values()).copied();
+        stiffness.values().iter().map(|k| k.sqrt()).chain(rates).fold(0.0, f64::max)
+    }
+
     /// The characteristic length \[m\]: that of `arm`, where nothing else is said.
     pub(crate) fn length_of<A: Model<D>, const D: usize>(&self, arm: &A) -> f64 {
         self.characteristic_length.unwrap_or_else(|| arm.characteristic_length())
@@ -141,11 +148,6 @@ impl<const M: usize> Gains<M> {
     #[must_use]
     pub fn moved_within(self, moved: Option<MotionLimits>) -> Self {
         Self { moved, ..self }
-    }
-
-    /// Of k of distances what joints that are no torque's can keep \[1/s\] (T201).
-    pub(super) fn suited(&self, rate: f64) -> f64 {
-        rate.min(self.moved.as_ref().map_or(f64::INFINITY, MotionLimits::barrier_rate))
     }
 
     /// The same with random numbers from `seed`.

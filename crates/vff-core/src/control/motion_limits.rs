@@ -2,6 +2,9 @@
 
 use std::f64::consts::E;
 
+/// Share of the largest acceleration that damps where a law wants more than there is; the rest follows the law.
+const BRAKED: f64 = 0.5;
+
 /// What whatever moves the joints can do, n numbers each.
 ///
 /// # Example
@@ -22,6 +25,29 @@ pub struct MotionLimits {
 }
 
 impl MotionLimits {
+    /// ω \[1/s\], the rate at which what moves the joints stops by itself.
+    pub const RATE: f64 = 10.0;
+
+    /// The share of an acceleration `ddq` that is for a change of velocity at a `rate` \[1/s\], ddq/rate, which a joint behind a limit of
+    /// jerk can take back in time: with √(jerk·change) the acceleration ends as the change does.
+    pub fn behind_jerk(ddq: f64, rate: f64, jerk: f64) -> f64 {
+        (jerk / (rate * ddq.abs())).sqrt().min(1.0)
+    }
+
+    /// The share of what a law wants, `ddq` \[rad/s², m/s²\] at the speeds `dq` \[rad/s, m/s\], that all joints can do at the same time, so that
+    /// the way is the one it wants, and with what they are damped for what is missing of their acceleration \[1/s\]: a law that reacts with
+    /// `rate` \[1/s\] and does not know these limits would swing ever farther.
+    pub fn share(&self, ddq: &[f64], dq: &[f64], rate: f64) -> [f64; 2] {
+        let ([mut strong, mut soon], mut brake) = ([1.0_f64; 2], f64::INFINITY);
+        let limits = self.acceleration.iter().zip(&self.jerk);
+        for ((acceleration, jerk), (ddq, dq)) in limits.zip(ddq.iter().zip(dq)) {
+            strong = strong.min(acceleration / ddq.abs());
+            brake = brake.min(BRAKED * acceleration / dq.abs());
+            soon = soon.min(Self::behind_jerk(*ddq, rate, *jerk));
+        }
+        [strong.min(soon), brake.min((1.0 - strong) * Self::RATE)]
+    }
+
     /// The largest k \[1/s\] of barriers that such joints can keep from whatever speed they have (T201).
     pub fn barrier_rate(&self) -> f64 {
         let Self { speed, acceleration, jerk } = self;

@@ -37,6 +37,9 @@ pub struct StablePeriod {
     pub clearance: f64,
 }
 
+/// \[1/s\].
+const SLOW: f64 = 0.5;
+
 /// A gain that a torque held over the control period makes unstable (T31, T32).
 ///
 /// # Example
@@ -78,7 +81,22 @@ pub enum Unstable {
     },
 }
 
+/// How fast what a task with this stiffness and damping swings by grows at a control period \[1/s\].
+fn growth((k, d): (f64, f64), period: f64) -> f64 {
+    0.5 * (0.5 * period * k - d)
+}
+
 impl Unstable {
+    /// Whether it grows by less than a half in a second, as of a task without damping at a kilohertz.
+    pub fn is_slow(&self) -> bool {
+        match self {
+            Self::Damping { .. } => false,
+            Self::Stiffness { damping, stiffness, period } => {
+                growth((*stiffness, *damping), *period) < SLOW
+            }
+        }
+    }
+
     /// What of these settings is unstable at a control period \[s\].
     pub fn all(settings: &Settings, period: f64) -> Vec<Self> {
         let Settings { stiffness, damping, null_damping, .. } = settings;
@@ -88,7 +106,8 @@ impl Unstable {
         };
         let axes = 0..stiffness.values().len().max(damping.values().len());
         let weak = axes.map(|i| (stiffness.get(i), damping.get(i)));
-        let weak = weak.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * period * k >= *d);
+        let weak = weak.filter(|(k, d)| *k > 0.0 && 0.5 * period * k >= *d);
+        let weak = weak.max_by(|a, b| growth(*a, period).total_cmp(&growth(*b, period)));
         let weak = weak.map(|(stiffness, damping)| Self::Stiffness { damping, stiffness, period });
         [strong("null_damping", null_damping), weak, strong("damping", damping)]
             .into_iter()

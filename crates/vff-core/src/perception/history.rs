@@ -1,8 +1,8 @@
 //! Where the arm was when a picture was taken: its last states, and what lies between them.
 
 use super::PerceptionError;
+use crate::robot::Model;
 use crate::robot::SpatialArm;
-use crate::robot::description::JointKind;
 use std::f64::consts::TAU;
 
 /// States that are kept: a quarter of a second at 1 kHz, and more.
@@ -143,12 +143,7 @@ impl History {
 
 /// Whether each joint of an arm turns without an end.
 fn endless(arm: &SpatialArm) -> Vec<bool> {
-    let is_free = |i: usize| {
-        let range = arm.limits().joint.get(i);
-        range.is_none_or(|range| range.iter().all(|end| end.is_infinite()))
-    };
-    let turns = arm.description().joints.iter().map(|joint| joint.kind != JointKind::Prismatic);
-    turns.enumerate().map(|(i, turns)| turns && is_free(i)).collect()
+    (0..arm.dof()).map(|i| arm.is_endless(i)).collect()
 }
 
 #[cfg(test)]

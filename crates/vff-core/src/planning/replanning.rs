@@ -62,6 +62,7 @@ const PAUSES: [f64; 2] = [0.1, 3.2];
 #[derive(Debug)]
 pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     settings: ReplanSettings,
+    given: ReplanSettings,
     seed: u64,
     arm: Arc<S::Arm>,
     /// Where the end effector stands upright \[rad or m\].
@@ -112,6 +113,7 @@ where
             world: world.clone(),
             goal: Manipulator::<D, M>::pose(&state),
             settings: settings.clone(),
+            given: settings.clone(),
             seed: scenario.seed,
             first: reference.clone(),
             is_exchanged: false,
@@ -421,8 +423,9 @@ where
         }
     }
 
-    fn limit(&mut self, limits: &MotionLimits) {
-        let MotionLimits { speed, acceleration, jerk } = limits;
+    fn limit(&mut self, limits: Option<&MotionLimits>) {
+        self.settings = self.given.clone();
+        let Some(MotionLimits { speed, acceleration, jerk }) = limits else { return };
         let (arms, own) = (&self.arm.limits().velocity, &mut self.settings);
         // The share is that of accelerations, too, which need not be slower for the sake of speeds.
         let most = |i: usize| arms.get(i).copied().unwrap_or(MAX_SPEED);
@@ -459,6 +462,7 @@ where
         };
         Box::new(Self {
             settings: self.settings.clone(),
+            given: self.given.clone(),
             arm: Arc::clone(&self.arm),
             upright: self.upright.clone(),
             world: self.world.clone(),

@@ -5,17 +5,16 @@
 
 use super::controller::{AnyController, MissedStart, Target};
 use crate::control::MotionLimits;
-use crate::control::Settings;
-use crate::control::output::{BeginError, go_on};
+use crate::control::output::{BeginError, unwrap};
 use crate::math::rotation::NotARotation;
 use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
-use crate::trajectory::Peaks;
+use crate::trajectory::{JointSpline, Peaks};
 use std::mem::take;
 
 /// A plan that was made with a limit may exceed it by such a share, by rounding.
 const SLIGHT: f64 = 1e-6;
-/// A robot at rest has joints that are no faster than this share of their speed limit, as measured.
-const AT_REST: f64 = 0.05;
+/// A robot at rest has joints that are no faster than this share of their speed limit, or than this \[rad/s, m/s\], as measured.
+const AT_REST: [f64; 2] = [0.05, 0.02];
 
 /// What a set point comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,8 +80,8 @@ pub enum VirtualArmError {
     },
     /// The reference is a plan that they cannot follow.
     #[error(
-        "{name}: the plan of the reference takes up to {asks:.4} of joint {index}, more than {given}; plan with a lower speed, or with \
-         this {name}"
+        "{name}: the plan of the reference needs up to {asks:.4} of joint {index}, and {given} is allowed; plan more slowly, by limits of \
+         acceleration and jerk or a smaller share of all, speed"
     )]
     TooFast {
         /// Which.
@@ -165,6 +164,9 @@ pub struct VirtualArm {
     /// Which joints turn without an end, and where the robot is by turns that are counted.
     endless: Vec<bool>,
     heard_at: Vec<f64>,
+    heard_from: Vec<f64>,
+    /// What the joints can do, as the law has it.
+    able: MotionLimits,
     course: Course,
     /// Whether the robot has ever been heard of, and in how many cycles in a row it has not been since.
     heard: bool,
@@ -173,10 +175,6 @@ pub struct VirtualArm {
 }
 
 impl VirtualArm {
-    /// ω \[1/s\], the rate at which the model comes to the robot, and stops.
-    const RATE: f64 = 10.0;
-    /// Share of the largest acceleration that damps where the law wants more than there is; the rest follows the law.
-    const BRAKED: f64 = 0.5;
     /// Share of the threshold within which they have met.
     const MET: f64 = 0.25;
     /// Cycles in a row without a word of the robot after which the model stops.
@@ -205,12 +203,12 @@ impl VirtualArm {
 
     /// One that has yet to begin.
     pub(super) fn anywhere(
-        controller: &mut AnyController,
+        controller: &AnyController,
         limits: &SetPointLimits,
         period: f64,
     ) -> Result<Self, VirtualArmError> {
         let n = controller.dof();
-        let arm = controller.limits().clone();
+        let arm = controller.limits();
         let of_arm = (!arm.velocity.is_empty()).then(|| ScalarOrVec::Each(arm.velocity.clone()));
         let speed = limits.speed.clone().or(of_arm).ok_or(VirtualArmError::NoSpeed)?;
         let SetPointLimits { acceleration, jerk, threshold, .. } = limits;
@@ -233,7 +231,7 @@ impl VirtualArm {
         let all = |given: &ScalarOrVec| (0..n).map(|i| given.get(i)).collect();
         let able =
             MotionLimits { speed: all(&speed), acceleration: all(acceleration), jerk: all(jerk) };
-        follows(controller.limit_motion(&able).as_ref(), &able)?;
+        follows(controller.plan().map(JointSpline::peaks).as_ref(), &able)?;
         let zeros = || vec![0.0; n];
         Ok(Self {
             period,
@@ -243,6 +241,8 @@ impl VirtualArm {
             wanted: zeros(),
             endless: (0..n).map(|i| controller.is_endless(i)).collect(),
             heard_at: zeros(),
+            heard_from: zeros(),
+            able,
             course: Course::Following,
             heard: false,
             missed: 0,
@@ -254,7 +254,7 @@ impl VirtualArm {
     /// [`step`](Self::step), at whatever time that is; from where that [is not](super::ErasedController::missed_start), the model stays.
     ///
     /// # Errors
-    /// If a number is not finite, or a joint is far beyond its stops; then nothing has changed.
+    /// If a number is not finite, or a joint is far beyond its stops: it has not begun then.
     ///
     /// # Panics
     /// If it has the wrong length.
@@ -267,7 +267,9 @@ impl VirtualArm {
         if let Some(index) = q.iter().position(|q| !q.is_finite()) {
             return Err(VirtualArmError::NotFinite { index, given: q[index] });
         }
+        controller.limit_motion(Some(&self.able));
         controller.begin_at_rest(q)?;
+        self.heard_from.copy_from_slice(q);
         for (joint, q) in self.joints.iter_mut().zip(q) {
             joint.rest_at(*q);
         }
@@ -282,8 +284,9 @@ impl VirtualArm {
     /// With the joint that is not.
     pub(super) fn rests(&self, dq: &[f64]) -> Result<(), VirtualArmError> {
         let joints = self.joints.iter().zip(dq).enumerate();
-        let mut moving =
-            joints.filter(|(_, (joint, dq))| dq.abs() > AT_REST * joint.bounds().speed);
+        let mut moving = joints.filter(|(_, (joint, dq))| {
+            dq.abs() > f64::max(AT_REST[0] * joint.bounds().speed, AT_REST[1])
+        });
         let moves =
             |(index, (_, dq)): (usize, (_, &f64))| VirtualArmError::Moves { index, given: *dq };
         moving.next().map_or(Ok(()), |it| Err(moves(it)))
@@ -325,7 +328,8 @@ impl VirtualArm {
         let mut at = take(&mut self.heard_at);
         if let Some([q, _]) = measured {
             at.copy_from_slice(q);
-            go_on(&mut at, &self.out[0], |i| self.endless[i]);
+            unwrap(&mut at, &self.heard_from, |i| self.endless[i]);
+            self.heard_from.copy_from_slice(&at);
         }
         let done = self.step_beside(controller, t, target, measured.map(|[_, dq]| [&at[..], dq]));
         self.heard_at = at;
@@ -343,38 +347,27 @@ impl VirtualArm {
         controller.observe(&self.out[0], &self.out[1], t);
         controller.accelerate(target, true, &mut self.wanted)?;
         self.course = self.choose(measured);
-        let rate = Self::RATE;
-        let [share, brake] = self.share(controller.settings());
+        let rate = MotionLimits::RATE;
+        let reacts = controller.settings().fastest_rate();
+        let [share, brake] = self.able.share(&self.wanted, &self.out[1], reacts);
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let JointMotion { q: at, dq: moves, .. } = joint.motion();
             let wanted = match (self.course, measured) {
                 (Course::Following, _) => share * self.wanted[i] - brake * moves,
                 (Course::Rejoining, Some([q, dq])) => {
                     let ddq = -rate * rate * (at - q[i]) - 2.0 * rate * (moves - dq[i]);
-                    ddq * behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk)
+                    ddq * MotionLimits::behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk)
                 }
-                _ => -rate * moves * behind_jerk(rate * moves, rate, joint.bounds().jerk),
+                _ => {
+                    -rate
+                        * moves
+                        * MotionLimits::behind_jerk(rate * moves, rate, joint.bounds().jerk)
+                }
             };
             joint.advance(wanted, self.period);
         }
         self.hand_out();
         Ok(self.course)
-    }
-
-    /// The share of what the law wants that all joints can do at the same time, so that the way is the one it wants, and with what they
-    /// are damped for what is missing of their acceleration \[1/s\]: the law does not know these limits, and would swing ever farther.
-    fn share(&self, settings: &Settings) -> [f64; 2] {
-        let Settings { stiffness, damping, null_damping, .. } = settings;
-        let rates = damping.values().iter().chain(null_damping.values()).copied();
-        let rate = stiffness.values().iter().map(|k| k.sqrt()).chain(rates).fold(0.0, f64::max);
-        let ([mut strong, mut soon], mut brake) = ([1.0_f64; 2], f64::INFINITY);
-        for (joint, ddq) in self.joints.iter().zip(&self.wanted) {
-            let JointBounds { acceleration, jerk, .. } = joint.bounds();
-            strong = strong.min(acceleration / ddq.abs());
-            brake = brake.min(Self::BRAKED * acceleration / joint.motion().dq.abs());
-            soon = soon.min(behind_jerk(*ddq, rate, *jerk));
-        }
-        [strong.min(soon), brake.min((1.0 - strong) * Self::RATE)]
     }
 
     /// What the next set point comes from.
@@ -424,12 +417,6 @@ impl VirtualArm {
             (q[i], dq[i], ddq[i]) = (motion.q, motion.dq, motion.ddq);
         }
     }
-}
-
-/// The share of an acceleration `ddq` that is for a change of velocity at a `rate` \[1/s\], ddq/rate, which a joint behind a limit of
-/// jerk can take back in time: with √(jerk·change) the acceleration ends as the change does.
-fn behind_jerk(ddq: f64, rate: f64, jerk: f64) -> f64 {
-    (jerk / (rate * ddq.abs())).sqrt().min(1.0)
 }
 
 /// Whether a plan with these peaks can be followed: what the law wants is cut to what the joints can, and a plan that asks for more is left.

@@ -126,8 +126,8 @@ pub trait Replan<S: System<D, M>, const D: usize, const M: usize>: Debug + Send 
     fn restart(&mut self) -> Trajectory<S::Pose, M>;
     /// From now on the arm is `arm`, in the state of `robot`, which becomes the one before.
     fn exchange_arm(&mut self, arm: &Arc<S::Arm>, robot: &mut S::State);
-    /// From now on no plan asks for more than this, or than its settings say.
-    fn limit(&mut self, limits: &MotionLimits);
+    /// From now on no plan asks for more than its settings say, and than this, if anything.
+    fn limit(&mut self, limits: Option<&MotionLimits>);
     /// From now on plans in a thread of its own, and takes the time that it takes.
     fn plan_beside(&mut self);
     /// Every search so far.

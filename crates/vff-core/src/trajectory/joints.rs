@@ -380,9 +380,14 @@ mod tests {
                 sampled = [
                     sampled[0].min(q[0]), sampled[1].max(q[0]), sampled[2].max(dq[0].abs()), sampled[3].max(ddq[0].abs()),
                     // Within a sample, and at the start from rest within a knot.
-                    sampled[4].max((ddq[0] - before).abs() / if k == 0 { step } else { 1e-4 * step }),
+                    match k {
+                        0 => ddq[0].abs() / step,
+                        // At the end it may have come to rest.
+                        60_000 => sampled[4],
+                        _ => sampled[4].max((ddq[0] - before).abs() / (1e-4 * step)),
+                    },
                 ];
-                before = ddq[0];
+                before = if k < 60_000 { ddq[0] } else { before };
             }
             sampled[4] = sampled[4].max(before.abs() / step);
             let [low, high] = peaks.positions[0];

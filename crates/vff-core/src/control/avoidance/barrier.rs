@@ -22,7 +22,8 @@ use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use crate::control::settings::Yielding;
 use crate::control::{
-    CommandSettings, Gains, Gravity, OperationalSpace, TaskMetric, Torque, TorqueRange,
+    CommandSettings, Gains, Gravity, MotionLimits, OperationalSpace, TaskMetric, Torque,
+    TorqueRange,
 };
 use crate::interrupt;
 use crate::math::{Vector, dot};
@@ -165,6 +166,10 @@ pub(crate) struct Barrier {
     turning_weight: f64,
     /// See [`Yielding`].
     rate: f64,
+    /// What moves the joints, where that is no torque.
+    moved: Option<MotionLimits>,
+    /// How fast the law reacts \[1/s\].
+    reacts: f64,
     slack_weight: f64,
     /// What is kept of distances.
     pub(super) margins: Margins,
@@ -209,7 +214,9 @@ impl Barrier {
             tip_share: reserve.tip,
             planes: vec![],
             turning_weight: 0.0,
-            rate: gains.suited(rate(settings)),
+            rate: rate(settings),
+            moved: None,
+            reacts: gains.fastest_rate(),
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
             left_out: LeftOut::default(),
@@ -227,6 +234,16 @@ impl Barrier {
     /// Keeps distances as a way does that reacts with `rate` \[1/s\].
     pub fn reacting_with(mut self, rate: f64) -> Self {
         self.rate = rate;
+        self
+    }
+
+    /// For joints that are moved within limits of their own, if these are, whatever the torque (T201).
+    pub fn moved_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
+        self.moved.clone_from(&gains.moved);
+        if let Some(moved) = &self.moved {
+            self.rate = self.rate.min(moved.barrier_rate());
+            self.joints.move_within(moved);
+        }
         self
     }
 
@@ -288,6 +305,7 @@ impl Barrier {
         torque: &mut Torque,
     ) -> f64 {
         robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
+        self.damp_what_is_missing(robot, torque);
         self.normals.clear();
         self.bounds.clear();
         self.shares.clear();
@@ -349,6 +367,27 @@ impl Barrier {
         let missing = |((a, bound), share): ((&[f64], &f64), &f64)| (bound - dot(a, y)) / share;
         let constraints = self.normals.chunks_exact(n).zip(&self.bounds).zip(&self.shares);
         constraints.map(missing).fold(0.0, f64::max)
+    }
+
+    /// What joints cannot do of what the law wants is made up for by damping, where they are moved by other means than a torque: a law that
+    /// does not get what it wants would swing.
+    fn damp_what_is_missing<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        torque: &mut Torque,
+    ) {
+        let Self { moved: Some(moved), nominal, reacts, scratch, gradient, .. } = self else {
+            return;
+        };
+        let [_, brake] = moved.share(nominal, robot.velocity(), *reacts);
+        if brake > 0.0 {
+            for ((ddq, dq), less) in nominal.iter_mut().zip(robot.velocity()).zip(&mut *scratch) {
+                *less = -brake * dq;
+                *ddq += *less;
+            }
+            robot.mass_mul(scratch, gradient);
+            torque.add_to_task(|i| gradient[i]);
+        }
     }
 
     fn solve(&mut self) -> Outcome {

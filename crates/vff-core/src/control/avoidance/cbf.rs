@@ -45,7 +45,7 @@ impl<const D: usize, const M: usize> Cbf<D, M> {
             most_own: if keeps_apart { OwnPair::most_features(robot) } else { 0 },
             bodies: vec![],
             most_bodies: if keeps_apart { robot.body_count() } else { 0 },
-            barrier: Barrier::new(robot, gains),
+            barrier: Barrier::new(robot, gains).moved_as(gains),
             slack: 0.0,
         }
     }

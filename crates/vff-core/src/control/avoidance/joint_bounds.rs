@@ -1,6 +1,6 @@
 //! How fast a joint may be, and become: near its largest speed, and towards its stops.
 
-use crate::control::{CommandSettings, Gains, TorqueRange};
+use crate::control::{CommandSettings, Gains, MotionLimits, TorqueRange};
 use crate::interrupt;
 use crate::math::ScalarOrVec;
 use crate::robot::Robot;
@@ -108,8 +108,13 @@ impl JointBounds {
             share,
             braking: Braking::of(&gains.command, robot.dof()),
             together: vec![f64::INFINITY; robot.dof()],
-            able: gains.moved.as_ref().map_or(vec![], |moved| moved.acceleration.clone()),
+            able: vec![],
         }
+    }
+
+    /// For joints that are moved within these limits, whatever the torque.
+    pub fn move_within(&mut self, limits: &MotionLimits) {
+        self.able.clone_from(&limits.acceleration);
     }
 
     /// Leaves the speeds of an arm without velocity limits alone.
@@ -177,8 +182,8 @@ impl JointBounds {
         match acting.range {
             None => {
                 let bounds = self.at_once(robot, i, acting.bias, work);
-                let able = self.able.get(i).filter(|_| self.joints != Joints::Guarded);
-                able.map_or(bounds, |most| bounds.map(|bound| bound.clamp(-most, *most)))
+                let able = self.able.get(i);
+                able.map_or(bounds, |most| bounds.map(|bound| bound.max(-most).min(*most)))
             }
             Some((range, present)) => self.behind_a_rate(robot, i, range, present, work),
         }
@@ -238,6 +243,7 @@ impl JointBounds {
             robot.mass_mul(unit, column);
             (most - bias[i].abs()).max(0.0) / column[i]
         });
+        let deceleration = self.able.get(i).map_or(deceleration, |most| most.min(deceleration));
         let k = stopping_pole(self.rate, deceleration, dq);
         let towards = |height, dq| stopped(height, dq, self.speed[i], k);
         [-towards(q - low, -dq), towards(high - q, dq)]

@@ -42,7 +42,7 @@ impl<const D: usize> Priority<D> {
         Self {
             margins: Margins::new(robot.dof(), &gains.yielding),
             settings: gains.yielding.clone(),
-            rate: gains.suited(gains.yielding.rate.unwrap_or(RATE)),
+            rate: gains.yielding.rate.unwrap_or(RATE),
             pairs: vec![],
             gradient: zeros(),
             response: zeros(),

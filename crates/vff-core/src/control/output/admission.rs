@@ -17,11 +17,14 @@ const SLACK: f64 = 1.0;
 /// So many fast states in a row have to follow from each other.
 const CONFIRMED: usize = 3;
 
+/// More turns than this are none of a joint, but a wild reading.
+const MOST_TURNS: f64 = 1e6;
+
 /// Counts whole turns of `q` so that joints which turn without an end are next to where they were `before`.
-pub fn go_on(q: &mut [f64], before: &[f64], is_endless: impl Fn(usize) -> bool) {
+pub fn unwrap(q: &mut [f64], before: &[f64], is_endless: impl Fn(usize) -> bool) {
     for (i, (q, before)) in q.iter_mut().zip(before).enumerate() {
         let turns = ((before - *q) / TAU).round();
-        if turns != 0.0 && turns.is_finite() && is_endless(i) {
+        if turns != 0.0 && turns.abs() < MOST_TURNS && is_endless(i) {
             *q += TAU * turns;
         }
     }
@@ -117,7 +120,7 @@ impl Admission {
         let mut unwrapped = std::mem::take(&mut self.unwrapped);
         unwrapped.copy_from_slice(q);
         if !self.is_empty {
-            go_on(&mut unwrapped, &self.believed.q, |i| self.endless[i]);
+            unwrap(&mut unwrapped, &self.believed.q, |i| self.endless[i]);
         }
         let admitted = self.take(cycles, t, &unwrapped, dq);
         self.unwrapped = unwrapped;

@@ -16,10 +16,10 @@ use crate::robot::Robot;
 pub(crate) use clock::Clock;
 use friction::Friction;
 
-pub(crate) use admission::go_on;
+pub(crate) use admission::unwrap;
 pub use supervision::{BeginError, Phase, Supervisor};
 
-/// Share of the torque limits that is used where the robot adds gravity: at the state that it has, which is not that which was measured.
+/// Share of the torque limits that is used where the robot adds gravity: it does so where it is, a little off where it was measured.
 const MEASURED: f64 = 0.998;
 
 /// From a torque of the law to what is sent to the robot. Nothing allocates after construction.

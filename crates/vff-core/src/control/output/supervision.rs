@@ -106,10 +106,8 @@ impl BeginError {
         if damping * period >= 2.0 {
             return Err(Self::Damping { damping, period });
         }
-        // Without damping it is what was asked for, and grows slowly.
-        let undamped = |it: &Unstable| matches!(it, Unstable::Stiffness { damping: 0.0, .. });
-        if let Some(unstable) = Unstable::all(settings, period).into_iter().find(|it| !undamped(it))
-        {
+        let gains = Unstable::all(settings, period);
+        if let Some(unstable) = gains.into_iter().find(|unstable| !unstable.is_slow()) {
             return Err(unstable.into());
         }
         let Settings { observer, touch, .. } = settings;

@@ -7,7 +7,7 @@ use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Robot};
 use crate::simulation::{Moment, Replan, Replanned, System};
 use crate::trajectory::{
-    Governor, GovernorSettings, Guided, JointSpline, Pace, Peaks, Sample, Trajectory,
+    Governor, GovernorSettings, Guided, JointSpline, Pace, Sample, Trajectory,
 };
 use crate::world::World;
 use std::sync::Arc;
@@ -108,10 +108,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         self.replanning = Some(replanning);
     }
 
-    /// From now on no other plan asks for more than this. What the present one asks for, if it is one.
-    pub(super) fn limit(&mut self, limits: &MotionLimits) -> Option<Peaks> {
+    /// From now on no other plan asks for more than this, if anything.
+    pub(super) fn limit(&mut self, limits: Option<&MotionLimits>) {
         self.replanning.iter_mut().for_each(|replanning| replanning.limit(limits));
-        self.joints().map(JointSpline::peaks)
     }
 
     /// From now on it waits as these settings say.

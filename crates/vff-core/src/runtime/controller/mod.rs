@@ -17,7 +17,7 @@ use crate::planning::motion::Jointed;
 use crate::robot::Limits;
 use crate::scenario::{self, AnyScene, CheckReach, Scenario, ScenarioError, Scene, dispatch};
 use crate::simulation::{Replanned, System};
-use crate::trajectory::Peaks;
+use crate::trajectory::JointSpline;
 use crate::world::space::Points;
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -461,10 +461,8 @@ pub trait ErasedController: Debug + Send {
 
     /// Whether it wants to know that.
     fn senses(&self) -> bool {
-        self.settings()
-            .observer
-            .as_ref()
-            .is_some_and(|observer| observer.source == Source::Measured)
+        let observer = self.settings().observer.as_ref();
+        observer.is_some_and(|observer| observer.source == Source::Measured)
     }
 
     /// Whether its torque depends on what has been before, and so on the time from state to state.
@@ -537,12 +535,14 @@ pub trait ErasedController: Debug + Send {
     /// Where the plan that this reference is has the joints \[rad, m\], (n); None as long as it is none.
     fn planned(&self) -> Option<&[f64]>;
 
-    /// Whether this reference is a plan, or may become one.
+    /// The plan that this reference is, if it is one.
+    fn plan(&self) -> Option<&JointSpline>;
+    /// Whether it may become one, too.
     fn has_plans(&self) -> bool;
 
-    /// From now on no other plan asks for more than this, and barriers act as early as it needs (T201); forgets the past. What the present
-    /// plan asks for, if it follows one.
-    fn limit_motion(&mut self, limits: &MotionLimits) -> Option<Peaks>;
+    /// The joints are moved within these limits from now on, or, without any, by the torque: barriers and other plans reckon with that
+    /// (T201). Forgets the past.
+    fn limit_motion(&mut self, limits: Option<&MotionLimits>);
 
     /// The searches for another plan so far.
     fn replans(&self) -> &[Replanned];
@@ -594,7 +594,6 @@ pub trait ErasedController: Debug + Send {
     /// The null-space projector at the observed state, (n, n). Allocates.
     fn null_projector(&self) -> DMatrix<f64>;
 
-    /// How long a torque may be held at q and time `t` \[s\], at rest, before the null space oscillates (T34).
-    /// Allocates.
+    /// How long a torque may be held at q and time `t` \[s\], at rest, before the null space oscillates (T34). Allocates.
     fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod;
 }

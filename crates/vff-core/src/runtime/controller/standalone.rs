@@ -9,13 +9,11 @@ mod succession;
 use super::fading::Fading;
 use super::followed::Followed;
 use super::{
-    AnyController, CycleError, ErasedController, FromNumbers, MissedStart, Reading, Scalars,
-    SuccessionError, Surroundings, Target, TermsView,
+    AnyController, CycleError, ErasedController, FromNumbers, MissedStart, MotionLimits, Reading,
+    Scalars, SuccessionError, Surroundings, Target, TermsView,
 };
 use crate::control::output::{BeginError, Phase, Supervisor};
-use crate::control::{
-    Controller, Gravity, LeftOut, MotionLimits, Output, Settings, StablePeriod, Tank,
-};
+use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Model, Robot};
@@ -23,7 +21,7 @@ use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
 use crate::scenario::{self, FromDocument, ScenarioError};
 use crate::simulation::{Replanned, System};
-use crate::trajectory::{Peaks, Sample};
+use crate::trajectory::{JointSpline, Sample};
 use crate::world::space::{self, Points};
 use crate::world::{CollisionQuery, Contact, Description, ObstacleGeometry, World};
 use aside::Aside;
@@ -317,10 +315,10 @@ where
 
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
         self.come_back();
+        self.move_by_torque();
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
-        let endless = (0..self.dof()).map(|i| self.arm.is_endless(i)).collect();
-        self.supervisor = Some(Box::new(supervisor.counting_turns(endless)));
+        self.supervisor = Some(Box::new(supervisor.counting_turns(self.endless())));
         self.aside = Some(Aside::like(&self.controller));
         self.period = Some(period);
         self.placed.fill(None); // on a clock that may be another one
@@ -337,9 +335,8 @@ where
     ) -> Result<Phase, CycleError> {
         target.map_or(Ok(()), S::State::check)?;
         self.come_back();
-        let is_first =
-            self.supervisor.as_ref().is_some_and(|supervisor| supervisor.now().is_none());
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
+        let is_first = supervisor.now().is_none();
         let news = reading.and_then(|Reading { t, q, dq }| supervisor.admit(t, q, dq));
         if let Some(t) = news {
             let [q, dq] = supervisor.state();
@@ -363,10 +360,9 @@ where
             self.left().into_iter().for_each(|left| supervisor.announce(left));
             self.act_for(target, true);
         }
-        let law = &mut self.controller;
         let phase = match news {
-            Some(_) if wanted => supervisor.follow(law),
-            Some(_) => supervisor.rest(law),
+            Some(_) if wanted => supervisor.follow(&mut self.controller),
+            Some(_) => supervisor.rest(&mut self.controller),
             None => supervisor.miss(),
         };
         self.supervisor = Some(supervisor);
@@ -504,8 +500,12 @@ where
         self.followed.as_ref().is_some_and(|followed| followed.has_plans())
     }
 
-    fn limit_motion(&mut self, limits: &MotionLimits) -> Option<Peaks> {
-        self.act_within(limits)
+    fn limit_motion(&mut self, limits: Option<&MotionLimits>) {
+        self.move_within(limits);
+    }
+
+    fn plan(&self) -> Option<&JointSpline> {
+        self.followed.as_ref()?.joints()
     }
 
     fn replans(&self) -> &[Replanned] {

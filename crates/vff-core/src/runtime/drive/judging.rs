@@ -1,6 +1,7 @@
 //! Whether what a robot says of itself fits together.
 
 use super::ending::Fault;
+use std::f64::consts::TAU;
 use std::time::Instant;
 
 /// A clock that goes on by so many periods from one to the next, so often in a row, does not count in seconds.
@@ -24,6 +25,7 @@ const SMALL_WINDOWS: u32 = 3;
 #[derive(Debug)]
 pub(super) struct Judge {
     period: f64,
+    endless: Vec<bool>,
     /// The robot's time at the last state \[s\], when that came, and for how many periods in a row it has leapt.
     last: f64,
     came: Option<Instant>,
@@ -42,13 +44,27 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    /// Of a robot in periods of so long \[s\], and of `n` of its joints.
-    pub(super) fn new(n: usize, period: f64) -> Self {
+    /// Of a robot in periods of so long \[s\], and of its first joints, with whether each turns without an end: that may begin anew.
+    pub(super) fn new(endless: Vec<bool>, period: f64) -> Self {
+        let n = endless.len();
         let zeros = || vec![0.0; n];
         let [from, before, told, swept] = [zeros(), zeros(), zeros(), zeros()];
         let (last, elapsed, came, small, suspect) =
             (f64::NAN, f64::INFINITY, None, vec![0; n], None);
-        Self { period, last, came, leaps: 0, elapsed, from, before, told, swept, small, suspect }
+        Self {
+            period,
+            endless,
+            last,
+            came,
+            leaps: 0,
+            elapsed,
+            from,
+            before,
+            told,
+            swept,
+            small,
+            suspect,
+        }
     }
 
     /// What is wrong with the state at `t` \[s\] of the robot's clock, in the light of those before.
@@ -69,7 +85,7 @@ impl Judge {
 
     /// Compares the ways that joints go with their velocities, a `step` \[s\] after the last state.
     fn compare(&mut self, step: f64, q: &[f64], dq: &[f64]) -> Option<Fault> {
-        let Self { period, elapsed, from, before, told, swept, small, suspect, .. } = self;
+        let Self { period, endless, elapsed, from, before, told, swept, small, suspect, .. } = self;
         if step == 0.0 {
             return None; // no news
         }
@@ -93,7 +109,10 @@ impl Judge {
         if *elapsed < WINDOW {
             return None;
         }
-        let gone = |i: usize| q[i] - from[i];
+        let gone = |i: usize| {
+            let way = q[i] - from[i];
+            if endless[i] { way - TAU * (way / TAU).round() } else { way }
+        };
         let differs = |i: &usize| (told[*i] - gone(*i)).abs() > SHARE * gone(*i).abs().max(LEAST);
         // The same way backwards is a sign, and throws an arm soon.
         let is_mirrored = |i: &usize| {
@@ -121,11 +140,12 @@ impl Judge {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     /// A swing of 0.5 rad at 1 Hz from somewhere on, whose velocity is said `scaled` and `lag` \[s\] late, by a clock that is `fast`.
     fn swung(scale: f64, lag: f64, fast: f64, [rate, phase]: [f64; 2]) -> Option<Fault> {
-        let w = std::f64::consts::TAU;
-        let mut judge = Judge::new(2, 1.0 / rate);
+        let w = TAU;
+        let mut judge = Judge::new(vec![false; 2], 1.0 / rate);
         (0..1000).find_map(|k| {
             let t = f64::from(k) / rate;
             let angle = w * t + phase;
@@ -144,7 +164,7 @@ mod tests {
                     assert_eq!(swung(1.0, lag, 1.0, of), None, "{of:?} {lag}");
                 }
                 // Another sign, degrees, a driver that fills in none, rad in 10 ms, and turns in a second.
-                for scale in [-1.0, 180.0 / std::f64::consts::PI, 0.0, 0.01, 0.16] {
+                for scale in [-1.0, 180.0 / PI, 0.0, 0.01, 0.16] {
                     let fault = swung(scale, 0.0, 1.0, of);
                     assert!(
                         matches!(fault, Some(Fault::Velocity { joint: 0, .. })),
@@ -153,6 +173,20 @@ mod tests {
                 }
                 assert!(matches!(swung(1.0, 0.0, 1000.0, of), Some(Fault::Clock { .. })));
             }
+        }
+    }
+
+    /// A reading that begins anew after a turn, as that of a joint that shakes about there, is no joint that has turned.
+    #[test]
+    fn a_turn_that_is_not_counted_is_none() {
+        for endless in [true, false] {
+            let mut judge = Judge::new(vec![endless], 1e-3);
+            let mut noise = crate::math::Noise::new(3, 0);
+            let found = (0..2000).find_map(|k| {
+                let angle = PI + 1e-4 * noise.draw();
+                judge.look(1e-3 * f64::from(k), &[angle - TAU * (angle / TAU).round()], &[0.0])
+            });
+            assert_eq!(found.is_none(), endless, "{found:?}");
         }
     }
 
@@ -165,8 +199,8 @@ mod tests {
             [(0.3, 1.0), (0.05, 3.0), (0.03, 4.0), (0.01, 6.0), (0.005, 9.8), (0.02, 0.5)]
         {
             for lag in [0.0, 0.01, 0.02] {
-                let w = std::f64::consts::TAU * hertz;
-                let (mut judge, mut said) = (Judge::new(2, 1e-3), 0.0);
+                let w = TAU * hertz;
+                let (mut judge, mut said) = (Judge::new(vec![false; 2], 1e-3), 0.0);
                 let mut moved = 0.0;
                 for k in 0..20_000 {
                     let t = 1e-3 * f64::from(k);
@@ -190,7 +224,7 @@ mod tests {
     #[test]
     fn one_reading_is_no_language() {
         for at in 60..160 {
-            let mut judge = Judge::new(1, 1e-3);
+            let mut judge = Judge::new(vec![false], 1e-3);
             let mut said = 2.6;
             for k in 0..400 {
                 let t = 1e-3 * f64::from(k);

@@ -106,7 +106,7 @@ pub struct Report {
 /// # Example
 /// ```
 /// use vff_core::runtime::AnyController;
-/// use vff_core::runtime::drive::{Ending, Loop, Options, SimulatedRobot};
+/// use vff_core::runtime::drive::{Closest, Ending, Loop, Options, SimulatedRobot};
 /// use vff_core::scenario::Scenario;
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -124,6 +124,8 @@ pub struct Report {
 /// let (drive, _exchange) = Loop::new(robot, controller, options)?;
 /// let report = drive.run(); // on a thread of its own beside a robot
 /// assert_eq!(report.ending, Ending::Completed);
+/// let Closest { distance, .. } = report.closest;
+/// assert!(distance.is_infinite()); // there is nothing to come near to
 /// # Ok(())
 /// # }
 /// ```
@@ -199,12 +201,13 @@ impl<D: Driver> Loop<D> {
             CommandKind::Torque => None,
             kind => {
                 let limits = options.limits.as_ref().ok_or(DriveError::NoLimits)?;
-                let model = VirtualArm::anywhere(&mut controller, limits, period)?;
+                let model = VirtualArm::anywhere(&controller, limits, period)?;
                 Some((model, kind == CommandKind::Position))
             }
         };
         // Set points go on from a model: what is measured damps nothing.
-        let judged = if model.is_none() { n } else { 0 };
+        let judged = if model.is_none() { 0..n } else { 0..0 };
+        let judged = judged.map(|i| controller.is_endless(i)).collect();
         let names = ["q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "command"];
         let mut columns = vec![("t", 1)];
         columns.extend(names.map(|name| (name, n)));

@@ -8,7 +8,6 @@ use crate::planning::replanning::Replanner;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
-use crate::trajectory::Peaks;
 use crate::world::{CollisionQuery, ObstacleGeometry, World};
 use std::fmt;
 use std::sync::Arc;
@@ -92,17 +91,29 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         Ok(this)
     }
 
-    /// From now on it acts as early as joints with these limits need. What the plan that it follows asks for, if it follows one.
-    pub(super) fn act_within(&mut self, limits: &MotionLimits) -> Option<Peaks> {
-        self.move_within(Some(limits.clone()));
-        self.followed.as_mut()?.limit(limits)
-    }
-
-    /// From now on the joints are moved within these limits, if any, whatever the torque. Forgets the past.
-    pub(super) fn move_within(&mut self, limits: Option<MotionLimits>) {
-        let gains = self.controller.gains().clone().moved_within(limits);
+    /// From now on the joints are moved within these limits, or, without any, by the torque. Forgets the past.
+    pub(super) fn move_within(&mut self, limits: Option<&MotionLimits>) {
+        // A plan that is followed was made within them, and what stands around is counted in it.
+        let free = !self.followed.as_ref().is_some_and(|followed| followed.has_plans());
+        let moved = limits.filter(|_| free).cloned();
+        let gains = self.controller.gains().clone().moved_within(moved);
         self.controller = Controller::new(self.controller.robot().clone(), gains);
         self.reset();
+        if let Some(followed) = &mut self.followed {
+            followed.limit(limits);
+        }
+    }
+
+    /// Which joints turn without an end.
+    pub(super) fn endless(&self) -> Vec<bool> {
+        (0..self.arm.dof()).map(|i| self.arm.is_endless(i)).collect()
+    }
+
+    /// From now on the joints are moved by the torque, if they are not.
+    pub(super) fn move_by_torque(&mut self) {
+        if self.controller.gains().moved.is_some() {
+            self.move_within(None);
+        }
     }
 
     /// Makes it as new, among the same obstacles.

@@ -23,8 +23,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&like.settings, period))?;
         let mut next = like.clone();
-        next.controller.reset(); // what it has been through is not of this loop
-        next.move_within(self.controller.gains().moved.clone());
+        // What it has been through is not of this loop.
+        next.move_within(self.controller.gains().moved.as_ref());
         next.fits(self.world.barrier_count())?;
         next.world = self.world.clone();
         (next.supervisor, next.spoilt, next.is_aside) = (None, false, false);
