@@ -381,8 +381,9 @@ mod tests {
                     sampled[0].min(q[0]), sampled[1].max(q[0]), sampled[2].max(dq[0].abs()), sampled[3].max(ddq[0].abs()),
                     // Within a sample, and at the start from rest within a knot.
                     match k {
-                        0 => ddq[0].abs() / step,
-                        // At the end it may have come to rest.
+                        // At the ends it may be at rest.
+                        0 => 0.0,
+                        1 => ddq[0].abs() / step,
                         60_000 => sampled[4],
                         _ => sampled[4].max((ddq[0] - before).abs() / (1e-4 * step)),
                     },
@@ -393,9 +394,11 @@ mod tests {
             let [low, high] = peaks.positions[0];
             let found = [low, high, peaks.speeds[0], peaks.accelerations[0], peaks.jerks[0]];
             let signs = [-1.0, 1.0, 1.0, 1.0, 1.0];
-            for ((found, sampled), sign) in found.into_iter().zip(sampled).zip(signs) {
+            // A difference of accelerations that are nearly the same is known to fewer digits.
+            let rounding = [1e-12, 1e-12, 1e-12, 1e-12, 1e-6 * (1.0 + peaks.jerks[0])];
+            for (((found, sampled), sign), rounding) in found.into_iter().zip(sampled).zip(signs).zip(rounding) {
                 let beyond = sign * (found - sampled);
-                prop_assert!(beyond > -1e-12 && beyond < 1e-2 * (1.0 + found.abs()), "{found} {sampled}");
+                prop_assert!(beyond > -rounding && beyond < 1e-2 * (1.0 + found.abs()), "{found} {sampled}");
             }
         }
     }
