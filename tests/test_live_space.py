@@ -742,8 +742,14 @@ def test_ball_and_hand_are_seen_between_the_panels(size: tuple[int, int], tmp_pa
                 clients = list(page._server.get_clients().values())
                 if len(clients) != 1 or clients[0].camera.update_timestamp == 0.0:
                     return False
-                wanted = page._scene.camera(page._box(), clients[0].camera.aspect)
-                return bool(np.allclose(clients[0].camera.position, wanted.position, rtol=0.01))
+                box = tab.locator("canvas").first.bounding_box()
+                if box["width"] <= 0.45 * size[0]:
+                    return False  # the plots have not made room yet
+                camera = clients[0].camera
+                if not np.isclose(camera.aspect, box["width"] / box["height"], rtol=0.02):
+                    return False  # of the picture before
+                wanted = page._scene.camera(page._box(), camera.aspect)
+                return bool(np.allclose(camera.position, wanted.position, rtol=0.01))
 
             tab = visit(browser, page.url, settled, size).tab
             notes = "document.querySelectorAll('.mantine-Notification-closeButton')"
