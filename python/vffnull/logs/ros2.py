@@ -211,7 +211,7 @@ def _read(kind: str, topic: str, arrived: int, message: Any, begins: bool = Fals
     if kind == JOINTS:
         q, dq = np.array(message.position, float), np.array(message.velocity, float)
         if len(q) == len(message.name):
-            has_velocity = len(dq) == len(q) and not np.isnan(dq).all()  # as drivers without them say
+            has_velocity = len(dq) == len(q)
             yield Joints(topic, stamp, arrived, list(message.name), q, dq if has_velocity else None)
     elif kind == LENS:
         K, D, P = (list(getattr(message, key)) for key in "kdp")

@@ -251,7 +251,9 @@ class Cell:
                     t = self._seconds(message.stamp)
                     at = [message.names.index(name) for name in self.joints]
                     q = message.q[at]
-                    if message.dq is not None and not np.isnan(message.dq[at]).all():
+                    if (
+                        message.dq is not None and not np.isnan(message.dq[at]).all()
+                    ):  # as drivers without say
                         dq = message.dq[at]
                     elif before is not None and t > before.t:
                         dq = (q - before.q) / (t - before.t)

@@ -140,3 +140,18 @@ pub fn manipulability<R: Robot<D>, const D: usize, const M: usize>(robot: &R) ->
     }
     symmetric::determinant(gram).max(0.0).sqrt()
 }
+
+/// What tests ask of it.
+#[cfg(test)]
+impl<const M: usize> OperationalSpace<M> {
+    /// How far a state is from a singularity: the smallest eigenvalue of Λ⁻¹ over the largest, about.
+    pub(crate) fn conditioning(&self) -> f64 {
+        let inverse = self.lambda.try_inverse().map_or(f64::INFINITY, |inverse| inverse.norm());
+        1.0 / (self.lambda.norm() * inverse)
+    }
+
+    /// What the projection may leave of an acceleration of the hand that it has `taken` away, by Λ, which is known to ε times its condition.
+    pub(crate) fn rounding_of(&self, taken: f64) -> f64 {
+        32.0 * f64::EPSILON / self.conditioning() * taken
+    }
+}

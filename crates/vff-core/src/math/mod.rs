@@ -32,6 +32,7 @@ pub use third_order_filter::ThirdOrderFilter;
 
 use nalgebra::SVector;
 use std::cmp::Ordering;
+use std::f64::consts::TAU;
 
 /// A vector of the plane in space, where its third coordinate is 0; one in space as it is.
 pub(crate) fn in_space<const D: usize>(v: &Vector<D>) -> Vector<3> {
@@ -51,6 +52,12 @@ pub fn keep_least(least: &mut f64, value: f64) {
     if value.partial_cmp(least).is_none_or(Ordering::is_lt) {
         *least = value;
     }
+}
+
+/// The whole turns nearest to an angle \[rad\]; what is left of it is from −π to π.
+#[inline]
+pub fn whole_turns(angle: f64) -> f64 {
+    TAU * (angle / TAU).round()
 }
 
 /// 0 below 0, 1 above 1, and 3s² − 2s³ between.

@@ -1,7 +1,7 @@
 //! What a pose is to a task: something that differs from another by a vector, and can be moved along one.
 
-use super::Vector;
-use std::f64::consts::{PI, TAU};
+use super::{Vector, whole_turns};
+use std::f64::consts::PI;
 use std::fmt::Debug;
 
 /// Where an end effector is, as far as a task of dimension `M` cares. Differences and displacements are
@@ -97,7 +97,7 @@ impl Pose<3> for PlanarPose {
     fn error(&self, reference: &Self) -> Vector<3> {
         let mut e = self.0 - reference.0;
         if e[2].abs() > PI {
-            e[2] -= TAU * (e[2] / TAU).round();
+            e[2] -= whole_turns(e[2]);
         }
         e
     }
@@ -115,6 +115,7 @@ impl Pose<3> for PlanarPose {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::TAU;
 
     /// Orientation is not a vector: poses one turn apart are the same pose.
     #[test]

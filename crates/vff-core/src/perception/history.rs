@@ -1,9 +1,9 @@
 //! Where the arm was when a picture was taken: its last states, and what lies between them.
 
 use super::PerceptionError;
+use crate::math::whole_turns;
 use crate::robot::Model;
 use crate::robot::SpatialArm;
-use std::f64::consts::TAU;
 
 /// States that are kept: a quarter of a second at 1 kHz, and more.
 const KEPT: usize = 512;
@@ -33,12 +33,12 @@ impl History {
 
     /// The same of the joints of an arm.
     pub(super) fn of(arm: &SpatialArm) -> Self {
-        Self::new(endless(arm))
+        Self::new(arm.endless())
     }
 
     /// Goes on with another arm of as many joints.
     pub(super) fn set_arm(&mut self, arm: &SpatialArm) {
-        self.is_endless = endless(arm);
+        self.is_endless = arm.endless();
     }
 
     /// Forgets all.
@@ -131,7 +131,7 @@ impl History {
         for i in 0..self.n {
             let (mut way, a, b) = (q1[i] - q0[i], dq0[i] * h, dq1[i] * h);
             if self.is_endless[i] {
-                way -= TAU * (way / TAU).round();
+                way -= whole_turns(way);
             }
             let [second, third] = [3.0 * way - 2.0 * a - b, a + b - 2.0 * way];
             q[i] = q0[i] + s * (a + s * (second + s * third));
@@ -139,11 +139,6 @@ impl History {
         }
         Some(0.0)
     }
-}
-
-/// Whether each joint of an arm turns without an end.
-fn endless(arm: &SpatialArm) -> Vec<bool> {
-    (0..arm.dof()).map(|i| arm.is_endless(i)).collect()
 }
 
 #[cfg(test)]

@@ -46,10 +46,12 @@ pub trait Model<const D: usize>: Debug + Clone + Send + Sync + 'static {
     fn slides(&self, _joint: usize) -> bool {
         false
     }
-    /// Whether a joint turns without an end.
-    fn is_endless(&self, joint: usize) -> bool {
-        let ends = self.limits().joint.get(joint);
-        !self.slides(joint) && !ends.is_some_and(|ends| ends.iter().any(|end| end.is_finite()))
+    /// Whether each joint turns without an end.
+    fn endless(&self) -> Vec<bool> {
+        let has_end = |i: usize| {
+            self.limits().joint.get(i).is_some_and(|ends| ends.iter().any(|end| end.is_finite()))
+        };
+        (0..self.dof()).map(|i| !self.slides(i) && !has_end(i)).collect()
     }
     /// What a joint is called.
     fn joint_name(&self, joint: usize) -> String {

@@ -9,7 +9,7 @@ use crate::control::output::{BeginError, unwrap};
 use crate::math::rotation::NotARotation;
 use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
 use crate::trajectory::{JointSpline, Peaks};
-use std::mem::take;
+use std::mem::swap;
 
 /// A plan that was made with a limit may exceed it by such a share, by rounding.
 const SLIGHT: f64 = 1e-6;
@@ -161,7 +161,7 @@ pub struct VirtualArm {
     out: [Vec<f64>; 3],
     /// What the law wants of the joints.
     wanted: Vec<f64>,
-    /// Which joints turn without an end, and where the robot is by turns that are counted.
+    /// Which joints turn without an end, and where the robot was heard to be last, and before, with their turns counted.
     endless: Vec<bool>,
     heard_at: Vec<f64>,
     heard_from: Vec<f64>,
@@ -239,7 +239,7 @@ impl VirtualArm {
             joints: (0..n).map(|i| LimitedJoint::new(bounds(i), 0.0)).collect(),
             out: [zeros(), zeros(), zeros()],
             wanted: zeros(),
-            endless: (0..n).map(|i| controller.is_endless(i)).collect(),
+            endless: controller.endless(),
             heard_at: zeros(),
             heard_from: zeros(),
             able,
@@ -269,7 +269,7 @@ impl VirtualArm {
         }
         controller.limit_motion(Some(&self.able));
         controller.begin_at_rest(q)?;
-        self.heard_from.copy_from_slice(q);
+        self.heard_at.copy_from_slice(q);
         for (joint, q) in self.joints.iter_mut().zip(q) {
             joint.rest_at(*q);
         }
@@ -325,28 +325,14 @@ impl VirtualArm {
     ) -> Result<Course, NotARotation> {
         let measured =
             measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
-        let mut at = take(&mut self.heard_at);
         if let Some([q, _]) = measured {
-            at.copy_from_slice(q);
-            unwrap(&mut at, &self.heard_from, |i| self.endless[i]);
-            self.heard_from.copy_from_slice(&at);
+            swap(&mut self.heard_at, &mut self.heard_from);
+            self.heard_at.copy_from_slice(q);
+            unwrap(&mut self.heard_at, &self.heard_from, &self.endless);
         }
-        let done = self.step_beside(controller, t, target, measured.map(|[_, dq]| [&at[..], dq]));
-        self.heard_at = at;
-        done
-    }
-
-    /// The same beside a robot whose turns are counted.
-    fn step_beside(
-        &mut self,
-        controller: &mut AnyController,
-        t: f64,
-        target: Option<&Target<'_>>,
-        measured: Option<[&[f64]; 2]>,
-    ) -> Result<Course, NotARotation> {
         controller.observe(&self.out[0], &self.out[1], t);
         controller.accelerate(target, true, &mut self.wanted)?;
-        self.course = self.choose(measured);
+        self.course = self.choose(measured.is_some());
         let rate = MotionLimits::RATE;
         let reacts = controller.settings().fastest_rate();
         let [share, brake] = self.able.share(&self.wanted, &self.out[1], reacts);
@@ -354,8 +340,8 @@ impl VirtualArm {
             let JointMotion { q: at, dq: moves, .. } = joint.motion();
             let wanted = match (self.course, measured) {
                 (Course::Following, _) => share * self.wanted[i] - brake * moves,
-                (Course::Rejoining, Some([q, dq])) => {
-                    let ddq = -rate * rate * (at - q[i]) - 2.0 * rate * (moves - dq[i]);
+                (Course::Rejoining, Some([_, dq])) => {
+                    let ddq = -rate * rate * (at - self.heard_at[i]) - 2.0 * rate * (moves - dq[i]);
                     ddq * MotionLimits::behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk)
                 }
                 _ => {
@@ -371,7 +357,7 @@ impl VirtualArm {
     }
 
     /// What the next set point comes from.
-    fn choose(&mut self, measured: Option<[&[f64]; 2]>) -> Course {
+    fn choose(&mut self, is_heard: bool) -> Course {
         if self.stops {
             let stands = |joint: &LimitedJoint| joint.motion().dq.abs() <= Self::STANDS;
             return match self.joints.iter().all(stands) {
@@ -379,7 +365,7 @@ impl VirtualArm {
                 false => Course::Stopping,
             };
         }
-        let Some([q, _]) = measured else {
+        if !is_heard {
             self.missed = self.missed.saturating_add(1);
             let waits = self.heard && self.missed >= Self::PATIENCE;
             return match self.course {
@@ -387,12 +373,12 @@ impl VirtualArm {
                 Course::Rejoining => Course::Waiting,
                 _ => Course::Following,
             };
-        };
+        }
         (self.heard, self.missed) = (true, 0);
         let apart = self
             .joints
             .iter()
-            .zip(q)
+            .zip(&self.heard_at)
             .fold(0.0, |most: f64, (joint, q)| most.max((joint.motion().q - q).abs()));
         let allowed = match self.course {
             Course::Rejoining => Self::MET * self.threshold,

@@ -52,15 +52,6 @@ fn settings(n: usize, formulation: Formulation) -> Settings {
     }
 }
 
-/// The smallest eigenvalue of Λ⁻¹ over the largest, about.
-fn conditioning<R: Manipulator<D, M> + Clone, const D: usize, const M: usize>(
-    controller: &Controller<R, D, M>,
-) -> f64 {
-    let lambda = controller.space().lambda;
-    let inverse = lambda.try_inverse().map_or(f64::INFINITY, |inverse| inverse.norm());
-    1.0 / (lambda.norm() * inverse)
-}
-
 /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (T14, T4), and both formulations give one torque.
 fn check_law<const M: usize>(c: &Case) -> Result<(), TestCaseError>
 where
@@ -77,7 +68,7 @@ where
         let gains = Gains::new(&settings(n, formulation));
         let mut controller = Controller::<_, 3, M>::new(c.arm.state(), gains);
         controller.observe(&c.q, &c.dq, &mut Nothing);
-        prop_assume!(!controller.space().singular && conditioning(&controller) > 1e-4);
+        prop_assume!(!controller.space().singular && controller.space().conditioning() > 1e-4);
         let torque = controller.command(&sample).clone();
         let (mut scratch, mut ddq) = (vec![0.0; n], vec![0.0; n]);
         robot.forward_dynamics(&torque.total, &mut scratch, &mut ddq);
@@ -97,7 +88,7 @@ where
         robot.mass_solve(&pull, &mut ddq);
         let (spring, hand) = (robot.jacobian_mul::<M>(&ddq), robot.jacobian_mul::<M>(&c.dq));
         let taken = spring.norm() + gains.null_damping.get(0) * hand.norm();
-        let rounding = 32.0 * f64::EPSILON / conditioning(&controller) * taken;
+        let rounding = controller.space().rounding_of(taken);
         prop_assert!(
             leak <= 1e-9 * scale + rounding,
             "{formulation:?} leaks {leak} of {scale}, {rounding} by rounding"
@@ -139,7 +130,7 @@ proptest! {
         };
         let mut planar = Controller::<_, 2, 2>::new(c.arm.state(), Gains::new(&settings(n, Formulation::Recursive)));
         planar.observe(&c.q, &c.dq, &mut World::new(vec![]));
-        prop_assume!(!planar.space().singular && conditioning(&planar) > 1e-3);
+        prop_assume!(!planar.space().singular && planar.space().conditioning() > 1e-3);
         let mut sample = command(-0.2, 0.7);
         sample.x = planar.pose() - Vector::<2>::new(0.1, 0.2);
         let expected = planar.command(&sample).total.clone();

@@ -49,16 +49,6 @@ fn reference<P: From<Vector<M>>, const M: usize>() -> Sample<P, M> {
     Sample { x: fill(1.0, -0.3).into(), dx: fill(0.2, 0.5), ddx: fill(-0.7, 0.4) }
 }
 
-/// How far the state is from a singularity: the smallest eigenvalue of Λ⁻¹ over the largest.
-fn conditioning<const M: usize>(controller: &Controller<PlanarState, 2, M>) -> f64
-where
-    PlanarState: Manipulator<2, M>,
-{
-    let lambda = controller.space().lambda;
-    let inverse = lambda.try_inverse().map_or(f64::INFINITY, |inverse| inverse.norm());
-    1.0 / (lambda.norm() * inverse)
-}
-
 /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (T14, T4), and both formulations give one torque.
 fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError>
 where
@@ -69,7 +59,7 @@ where
     let mut totals = vec![];
     for formulation in FORMULATIONS {
         let mut controller = sensed::<M>(c, &settings(formulation, projection));
-        prop_assume!(conditioning(&controller) > 1e-4 && !controller.space().singular);
+        prop_assume!(controller.space().conditioning() > 1e-4 && !controller.space().singular);
         let sample = reference();
         let torque = controller.command(&sample).clone();
         let e = *controller.error();
@@ -86,7 +76,7 @@ where
             // What the field would do to the hand is taken away by Λ, which is known to ε times its condition.
             robot.mass_solve(controller.forces.torque(), &mut ddq);
             let taken = robot.jacobian_mul::<M>(&ddq).norm();
-            let rounding = 32.0 * f64::EPSILON / conditioning(&controller) * taken;
+            let rounding = controller.space().rounding_of(taken);
             prop_assert!(
                 leak <= 1e-9 * scale + rounding,
                 "{formulation:?} leaks {leak} of {scale}, {rounding} by rounding"

@@ -5,6 +5,7 @@
 //! after a few cycles, and a single wild reading is no arm.
 
 use super::Clock;
+use crate::math::whole_turns;
 use std::f64::consts::TAU;
 
 /// A joint that may have any speed is taken for one of this limit \[rad/s, m/s\].
@@ -21,11 +22,11 @@ const CONFIRMED: usize = 3;
 const MOST_TURNS: f64 = 1e6;
 
 /// Counts whole turns of `q` so that joints which turn without an end are next to where they were `before`.
-pub fn unwrap(q: &mut [f64], before: &[f64], is_endless: impl Fn(usize) -> bool) {
+pub fn unwrap(q: &mut [f64], before: &[f64], is_endless: &[bool]) {
     for (i, (q, before)) in q.iter_mut().zip(before).enumerate() {
-        let turns = ((before - *q) / TAU).round();
-        if turns != 0.0 && turns.abs() < MOST_TURNS && is_endless(i) {
-            *q += TAU * turns;
+        let turns = whole_turns(before - *q);
+        if turns != 0.0 && turns.abs() < TAU * MOST_TURNS && is_endless[i] {
+            *q += turns;
         }
     }
 }
@@ -120,7 +121,7 @@ impl Admission {
         let mut unwrapped = std::mem::take(&mut self.unwrapped);
         unwrapped.copy_from_slice(q);
         if !self.is_empty {
-            unwrap(&mut unwrapped, &self.believed.q, |i| self.endless[i]);
+            unwrap(&mut unwrapped, &self.believed.q, &self.endless);
         }
         let admitted = self.take(cycles, t, &unwrapped, dq);
         self.unwrapped = unwrapped;

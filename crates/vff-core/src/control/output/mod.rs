@@ -181,16 +181,11 @@ impl Output {
     /// is sent, and what the drives exert.
     fn look_at<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let Self { gravity, bounds, scratch: [theirs, _], .. } = self;
-        let share = match gravity {
-            Gravity::Controller => {
-                theirs.fill(0.0);
-                1.0
-            }
-            Gravity::Robot => {
-                robot.gravity_torque(theirs);
-                MEASURED
-            }
-        };
+        match gravity {
+            Gravity::Controller => theirs.fill(0.0),
+            Gravity::Robot => robot.gravity_torque(theirs),
+        }
+        let share = if *gravity == Gravity::Robot { MEASURED } else { 1.0 };
         let joints = bounds.iter_mut().zip(theirs).zip(&robot.limits().torque);
         for ((bounds, theirs), limit) in joints {
             let limit = share * limit;

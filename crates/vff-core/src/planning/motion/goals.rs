@@ -161,7 +161,7 @@ where
     fn unwind(&self, q: &mut [f64], limits: &Limits) {
         for (i, q) in q.iter_mut().enumerate() {
             if ranges_of(limits, i) == [f64::NEG_INFINITY, f64::INFINITY] {
-                *q -= TAU * ((*q - self.start[i]) / TAU).round();
+                *q -= whole_turns(*q - self.start[i]);
             }
         }
     }

@@ -21,7 +21,7 @@ use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use crate::control::{CommandSettings, Gravity, SelfCollision};
 use crate::interrupt;
 use crate::inverse_kinematics::{Residual, Solver};
-use crate::math::{Noise, ScalarOrVec};
+use crate::math::{Noise, ScalarOrVec, whole_turns};
 use crate::robot::Manipulator;
 use crate::robot::{Limits, Model, Robot};
 use crate::scenario::{
@@ -39,7 +39,7 @@ use margins::{APART, End, Margins, SHARE};
 pub use plan::{Plan, PlanSettings, PlanStatus};
 pub(super) use planner::ranges_of;
 use planner::{Aim, Planner, STREAM};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::fmt::Write;
 use std::sync::Arc;
 use tilt::Tilt;

@@ -507,8 +507,8 @@ pub trait ErasedController: Debug + Send {
 
     /// What the joints of the arm can do.
     fn limits(&self) -> &Limits;
-    /// Whether that joint turns without an end.
-    fn is_endless(&self, joint: usize) -> bool;
+    /// Whether each of these joints turns without an end, (n). Allocates.
+    fn endless(&self) -> Vec<bool>;
 
     /// Whether the numbers, which are finite, are a reference.
     ///

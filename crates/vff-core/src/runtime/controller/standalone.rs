@@ -318,7 +318,7 @@ where
         self.move_by_torque();
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
-        self.supervisor = Some(Box::new(supervisor.counting_turns(self.endless())));
+        self.supervisor = Some(Box::new(supervisor.counting_turns(self.arm.endless())));
         self.aside = Some(Aside::like(&self.controller));
         self.period = Some(period);
         self.placed.fill(None); // on a clock that may be another one
@@ -460,8 +460,8 @@ where
         Ok(())
     }
 
-    fn is_endless(&self, joint: usize) -> bool {
-        self.arm.is_endless(joint)
+    fn endless(&self) -> Vec<bool> {
+        self.arm.endless()
     }
 
     fn limits(&self) -> &Limits {

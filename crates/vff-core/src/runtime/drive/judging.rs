@@ -1,7 +1,7 @@
 //! Whether what a robot says of itself fits together.
 
 use super::ending::Fault;
-use std::f64::consts::TAU;
+use crate::math::whole_turns;
 use std::time::Instant;
 
 /// A clock that goes on by so many periods from one to the next, so often in a row, does not count in seconds.
@@ -111,7 +111,7 @@ impl Judge {
         }
         let gone = |i: usize| {
             let way = q[i] - from[i];
-            if endless[i] { way - TAU * (way / TAU).round() } else { way }
+            if endless[i] { way - whole_turns(way) } else { way }
         };
         let differs = |i: &usize| (told[*i] - gone(*i)).abs() > SHARE * gone(*i).abs().max(LEAST);
         // The same way backwards is a sign, and throws an arm soon.
@@ -140,7 +140,7 @@ impl Judge {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
+    use std::f64::consts::{PI, TAU};
 
     /// A swing of 0.5 rad at 1 Hz from somewhere on, whose velocity is said `scaled` and `lag` \[s\] late, by a clock that is `fast`.
     fn swung(scale: f64, lag: f64, fast: f64, [rate, phase]: [f64; 2]) -> Option<Fault> {
@@ -184,7 +184,7 @@ mod tests {
             let mut noise = crate::math::Noise::new(3, 0);
             let found = (0..2000).find_map(|k| {
                 let angle = PI + 1e-4 * noise.draw();
-                judge.look(1e-3 * f64::from(k), &[angle - TAU * (angle / TAU).round()], &[0.0])
+                judge.look(1e-3 * f64::from(k), &[angle - whole_turns(angle)], &[0.0])
             });
             assert_eq!(found.is_none(), endless, "{found:?}");
         }

@@ -206,8 +206,7 @@ impl<D: Driver> Loop<D> {
             }
         };
         // Set points go on from a model: what is measured damps nothing.
-        let judged = if model.is_none() { 0..n } else { 0..0 };
-        let judged = judged.map(|i| controller.is_endless(i)).collect();
+        let judged = if model.is_none() { controller.endless() } else { vec![] };
         let names = ["q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "command"];
         let mut columns = vec![("t", 1)];
         columns.extend(names.map(|name| (name, n)));

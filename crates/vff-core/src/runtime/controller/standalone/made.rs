@@ -96,17 +96,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         // A plan that is followed was made within them, and what stands around is counted in it.
         let free = !self.followed.as_ref().is_some_and(|followed| followed.has_plans());
         let moved = limits.filter(|_| free).cloned();
-        let gains = self.controller.gains().clone().moved_within(moved);
-        self.controller = Controller::new(self.controller.robot().clone(), gains);
-        self.reset();
+        self.reset_with(self.controller.gains().clone().moved_within(moved));
         if let Some(followed) = &mut self.followed {
             followed.limit(limits);
         }
-    }
-
-    /// Which joints turn without an end.
-    pub(super) fn endless(&self) -> Vec<bool> {
-        (0..self.arm.dof()).map(|i| self.arm.is_endless(i)).collect()
     }
 
     /// From now on the joints are moved by the torque, if they are not.
@@ -118,8 +111,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// Makes it as new, among the same obstacles.
     pub(super) fn reset(&mut self) {
-        let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
-        self.controller = Controller::new(robot, gains);
+        self.reset_with(self.controller.gains().clone());
+    }
+
+    /// The same with other gains.
+    fn reset_with(&mut self, gains: Gains<M>) {
+        self.controller = Controller::new(self.controller.robot().clone(), gains);
         self.keep_time();
         self.end_fading();
         self.reserve();
