@@ -299,6 +299,45 @@ def test_one_that_hangs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     assert drive.running
     release.set()
     assert finished(drive).status == "stopped"
+    release.clear()
+    drive = vff.drive(InPython(mishap), controller())
+    wait_for(lambda: drive.state.periods >= 48)
+    threading.Timer(0.1, signal.raise_signal, [signal.SIGINT]).start()
+    with pytest.warns(RuntimeWarning, match="has not answered for 0.3 s"):
+        assert not drive.wait()  # Ctrl-C does not make it over
+    release.set()
+    assert finished(drive).status == "interrupted"
+
+
+@pytest.mark.parametrize("way", ["moved", "points"])
+def test_a_camera_that_dies_ends_it(way: str) -> None:
+    """By a damped stop, and the report says what was not seen; one that goes on does not, nor is it asked of what
+    nobody has seen yet.
+    """
+    cloud = vff.Obstacle.points([[0.0, 0.9, 0.5]], 0.05)
+
+    def see(drive: vff.Drive) -> None:
+        if way == "moved":
+            drive.move_obstacle(1, [0.0, 2.0, 0.5])
+        else:
+            drive.update_points([[0.0, 2.0, 0.5]], obstacle=1)
+
+    # Ten times slower than the clock on a busy machine is soon enough.
+    with vff.drive(SimulatedRobot(SCENE), controller(), obstacles=[BALL, cloud], sight_patience=5.0) as drive:
+        wait_for(lambda: drive.state.t > 0.2)
+        for _ in range(20):
+            see(drive)
+            time.sleep(0.02)
+        assert drive.running and drive.state.phase in ("starting", "running")
+    assert drive.report.status == "stopped"
+    drive = vff.drive(SimulatedRobot(SCENE), controller(), obstacles=[BALL, cloud], sight_patience=0.05)
+    wait_for(lambda: drive.state.t > 0.2)
+    see(drive)
+    report = finished(drive)
+    assert report.status == "fault" and "obstacles[1] was last seen at t = 0." in report.reason
+    assert "sight_patience" in report.reason and np.abs(drive.state.dq).max() < 0.05
+    with pytest.raises(InputError, match="sight_patience: must be finite and greater than 0"):
+        vff.drive(SimulatedRobot(SCENE), controller(), sight_patience=0.0)
 
 
 def test_a_short_silence_is_bridged() -> None:

@@ -101,6 +101,27 @@ def test_a_robot_that_falls_silent() -> None:
     assert arm.step(0.3, target, q=q, dq=dq)[3] == "following"
 
 
+@pytest.mark.parametrize("model", ["panda", "gen3"])
+@pytest.mark.parametrize("far", [0.5, 3.5, 1e6])
+def test_one_wild_reading_is_none_of_the_robot(model: str, far: float) -> None:
+    """The set points are as if it had not come, also where a joint turns without an end (gen3), which was led
+    round once; what is said twice is believed.
+    """
+    controller = vff.Controller(vff.Arm.named(model), {"stiffness": 100.0, "damping": 20.0})
+    points: list[Any] = []
+    for wild in (0.0, far):
+        arm = vff.VirtualArm(controller, READY, PERIOD, acceleration=ACCELERATION, jerk=JERK)
+        q, target = READY, vff.Arm.named(model).forward_kinematics(READY)[-1] + [0.0, 0.2, 0.1]
+        for k in range(600):
+            said = q + wild * np.eye(7)[0] * (k == 300)
+            q, _, _, course = arm.step(PERIOD * k, target, q=said, dq=np.zeros(7))
+            assert course == "following"
+            points.append(q)
+    np.testing.assert_array_equal(points[:600], points[600:])
+    said = q + 0.5
+    assert [arm.step(0.6, target, q=said, dq=np.zeros(7))[3] for _ in range(2)] == ["following", "rejoining"]
+
+
 def test_a_stop() -> None:
     arm, target = virtual(), away()
     for k in range(300):

@@ -352,6 +352,16 @@ class Measuring(Deaf):
         return self._robot.external_torque()
 
 
+class Broken(Measuring):
+    """One that begins to measure what is no number."""
+
+    asked = 0
+
+    def external_torque(self) -> Array:
+        self.asked += 1
+        return super().external_torque() * (np.nan if self.asked > 100 else 1.0)
+
+
 def driven(robot: Any, tmp_path: Path) -> Any:
     document = {**PANDA["controller"], "observer": {"source": "measured", "bandwidth": 200.0}}
     controller = vff.Controller(PANDA.arm, document | {"touch": {"task": "reject"}})
@@ -367,6 +377,8 @@ def test_a_drive_asks_its_robot(tmp_path: Path) -> None:
         assert drive.report.status == "completed", drive.report
     with pytest.warns(RuntimeWarning, match="measures no torque from outside"):
         assert driven(Deaf(SimulatedRobot(scenario)), tmp_path).report.status == "fault"
+    with pytest.warns(RuntimeWarning, match="external_torque is not finite"):
+        assert driven(Broken(SimulatedRobot(scenario)), tmp_path).report.status == "fault"
 
 
 @pytest.mark.parametrize("physics", ["own", "mujoco"])

@@ -280,6 +280,9 @@ impl DriveLoop {
             rate: rate_of(get("rate")?.as_ref())?,
             seconds: get("seconds")?.map(|it| number("seconds", &it)).transpose()?,
             patience: get("patience")?.map_or(Ok(0.1), |it| number("patience", &it))?,
+            sight_patience: get("sight_patience")?
+                .map(|it| number("sight_patience", &it))
+                .transpose()?,
             record_every: get("record_every")?.map_or(Ok(0), |it| count("record_every", &it))?,
             limits: get("limits")?.map(|it| set_point_limits(&it, law.dof())).transpose()?,
         };

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-import threading
 import warnings
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
-from types import SimpleNamespace, TracebackType
+from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import vffnull._core as _core
 from vffnull._support.arguments import number, positive, whole
 from vffnull._support.errors import InputError, InputTypeError
+from vffnull.logs.drive import DriveLog
 from vffnull.logs.stream import StreamRecorder
 from vffnull.model.outcome import Replan
 from vffnull.model.robot import CommandKind
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Drive", "DriveReport", "DriveState", "drive"]
 
-_DRAIN = 0.1  # s between two looks for rows to record
 _LIKE = (str, os.PathLike, Scenario)
 _PATIENCE = 10.0  # s after which a robot that does not answer is left alone
 
@@ -187,7 +186,7 @@ class Drive:
         self.robot, self.rate = robot, rate
         self._loop = loop
         self._interrupted = False
-        self._log = _Log(loop, recorder) if recorder is not None else None
+        self._log = DriveLog(loop, recorder) if recorder is not None else None
         # Also when Python ends: the thread may need it for the last commands.
         self._leave = weakref.finalize(self, _leave, loop, self._log)
         loop.start()
@@ -332,7 +331,7 @@ class Drive:
         except KeyboardInterrupt:
             self._interrupted = True
             self._finish()
-            return True
+            return not self.running
         if over:
             self._finish()
         return over
@@ -376,7 +375,7 @@ class Drive:
         return f"<Drive: {self._loop.phase}, {self._loop.periods} periods at {self.rate:g} Hz>"
 
 
-def _leave(loop: _core.DriveLoop, log: _Log | None) -> None:
+def _leave(loop: _core.DriveLoop, log: DriveLog | None) -> None:
     loop.stop()
     over = loop.wait(_PATIENCE, False)
     if log is not None:
@@ -384,48 +383,6 @@ def _leave(loop: _core.DriveLoop, log: _Log | None) -> None:
     if not over:
         sentence = f"drive: the robot has not answered for {_PATIENCE:g} s; its thread is left alone"
         warnings.warn(sentence, RuntimeWarning, stacklevel=3)
-
-
-class _Log(threading.Thread):
-    """From the rows that the loop keeps to a file."""
-
-    def __init__(self, loop: _core.DriveLoop, recorder: StreamRecorder) -> None:
-        super().__init__(name="vffnull-drive-log", daemon=True)
-        self._loop, self._recorder = loop, recorder
-        self._over = threading.Event()
-        self._failure: Exception | None = None
-        self.lost = 0
-        self.start()
-
-    def run(self) -> None:
-        while not self._over.wait(_DRAIN):
-            self._drain()
-
-    def _drain(self) -> None:
-        rows, lost = self._loop.rows()
-        self.lost += lost
-        if self._failure is not None:
-            return
-        columns = {"tau_applied" if name == "command" else name: rows[name] for name in rows}
-        try:
-            for k in range(len(columns["t"])):
-                self._recorder.write(SimpleNamespace(**{name: rows[k] for name, rows in columns.items()}))
-        except Exception as error:  # a full disk does not end a drive
-            self._failure = error
-
-    def close(self) -> None:
-        """Write what is left."""
-        if self._over.is_set():
-            return
-        self._over.set()
-        self.join()
-        self._drain()
-        try:
-            self._recorder.close()
-        except Exception as error:
-            self._failure = self._failure or error
-        if self._failure is not None:
-            warnings.warn(f"drive: the recording has ended: {self._failure}", RuntimeWarning, stacklevel=4)
 
 
 def drive(
@@ -437,6 +394,7 @@ def drive(
     obstacles: Iterable[Obstacle | Mapping[str, Any]] | None = None,
     seconds: float | None = None,
     patience: float = 0.1,
+    sight_patience: float | None = None,
     limits: Mapping[str, Any] | None = None,
     record_to: str | os.PathLike[str] | None = None,
     record_every: int = 10,
@@ -480,6 +438,10 @@ def drive(
         How long, by the robot's clock [s]; until it is stopped by default.
     patience : float, optional
         How long a reference is carried on without a new one [s]; then it comes to rest.
+    sight_patience : float, optional
+        How long an obstacle may go unseen for which `update_points` or `move_obstacle` has come [s]: then
+        the drive ends, by a damped stop, as of a camera that has died. By default what was seen last counts
+        for ever; points that come with a time `t` are as old as that.
     limits : Mapping, optional
         Needed for a robot that takes positions or velocities: ``acceleration`` [rad/s²] and ``jerk``
         [rad/s³] of its set points, and if you like ``speed`` and ``threshold``; see `VirtualArm`, whose set
@@ -540,6 +502,7 @@ def drive(
         "rate": number("rate", rate),
         "seconds": None if seconds is None else positive("seconds", seconds),
         "patience": positive("patience", patience),
+        "sight_patience": None if sight_patience is None else positive("sight_patience", sight_patience),
         "record_every": 0 if record_to is None else whole("record_every", record_every, 1, 1_000_000),
         "command": command,
         "paces": bool(getattr(robot, "paces", False)),

@@ -161,10 +161,11 @@ pub struct VirtualArm {
     out: [Vec<f64>; 3],
     /// What the law wants of the joints.
     wanted: Vec<f64>,
-    /// Which joints turn without an end, and where the robot was heard to be last, and before, with their turns counted.
+    /// Which joints turn without an end; where the robot is, what it said last of that, and before, with their turns counted.
     endless: Vec<bool>,
     heard_at: Vec<f64>,
-    heard_from: Vec<f64>,
+    said: Vec<f64>,
+    said_before: Vec<f64>,
     /// What the joints can do, as the law has it.
     able: MotionLimits,
     course: Course,
@@ -241,7 +242,8 @@ impl VirtualArm {
             wanted: zeros(),
             endless: controller.endless(),
             heard_at: zeros(),
-            heard_from: zeros(),
+            said: zeros(),
+            said_before: zeros(),
             able,
             course: Course::Following,
             heard: false,
@@ -270,6 +272,7 @@ impl VirtualArm {
         controller.limit_motion(Some(&self.able));
         controller.begin_at_rest(q)?;
         self.heard_at.copy_from_slice(q);
+        self.said.copy_from_slice(q);
         for (joint, q) in self.joints.iter_mut().zip(q) {
             joint.rest_at(*q);
         }
@@ -325,11 +328,7 @@ impl VirtualArm {
     ) -> Result<Course, NotARotation> {
         let measured =
             measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
-        if let Some([q, _]) = measured {
-            swap(&mut self.heard_at, &mut self.heard_from);
-            self.heard_at.copy_from_slice(q);
-            unwrap(&mut self.heard_at, &self.heard_from, &self.endless);
-        }
+        let measured = measured.filter(|[q, _]| self.hear(q));
         controller.observe(&self.out[0], &self.out[1], t);
         controller.accelerate(target, true, &mut self.wanted)?;
         self.course = self.choose(measured.is_some());
@@ -354,6 +353,23 @@ impl VirtualArm {
         }
         self.hand_out();
         Ok(self.course)
+    }
+
+    /// Whether the robot can be at `q`: what is farther than the threshold from its set point, from where it was, and from what it said
+    /// last may be one wild reading.
+    fn hear(&mut self, q: &[f64]) -> bool {
+        swap(&mut self.said, &mut self.said_before);
+        self.said.copy_from_slice(q);
+        unwrap(&mut self.said, &self.heard_at, &self.endless);
+        let is_near = |there: &[f64]| {
+            self.said.iter().zip(there).all(|(q, there)| (q - there).abs() <= self.threshold)
+        };
+        let can_be =
+            [&self.out[0], &self.heard_at, &self.said_before].into_iter().any(|it| is_near(it));
+        if can_be {
+            self.heard_at.copy_from_slice(&self.said);
+        }
+        can_be
     }
 
     /// What the next set point comes from.

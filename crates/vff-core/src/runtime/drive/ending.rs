@@ -18,6 +18,16 @@ pub enum Fault {
     /// A state is no state.
     #[error("the robot's {0} is not finite")]
     NotFinite(&'static str),
+    /// Who sees an obstacle has fallen silent.
+    #[error(
+        "obstacles[{obstacle}] was last seen at t = {since:.3} s, longer ago than sight_patience"
+    )]
+    Unseen {
+        /// Which.
+        obstacle: usize,
+        /// When \[s\].
+        since: f64,
+    },
     /// The robot's time stood still.
     #[error("the robot's time stood at {t:.3} s for {periods} periods")]
     Stale {
@@ -73,6 +83,16 @@ pub enum Fault {
     /// A fault of the program, in its words.
     #[error("{0}")]
     Program(String),
+}
+
+impl Fault {
+    /// What is wrong with values of this name of which one is no number.
+    pub(super) fn unless_finite(name: &'static str, values: &[f64]) -> Result<(), Self> {
+        match values.iter().all(|x| x.is_finite()) {
+            true => Ok(()),
+            false => Err(Self::NotFinite(name)),
+        }
+    }
 }
 
 /// How a drive ended.

@@ -11,8 +11,10 @@ mod driver;
 mod ending;
 mod exchange;
 mod judging;
+mod options;
 mod receiving;
 mod reference;
+mod seen;
 mod simulated;
 #[cfg(test)]
 mod tests;
@@ -21,13 +23,14 @@ pub use closest::Closest;
 pub use driver::{CommandKind, Driver};
 pub use ending::{Ending, Fault};
 pub use exchange::{Exchange, Layout, Rows};
+pub use options::{DriveError, Options, RATES};
 pub use simulated::SimulatedRobot;
 
 use super::controller::{AnyController, Reading, SuccessionError};
 use super::fault::guarded;
-use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
+use super::virtual_arm::{Course, VirtualArm};
 use crate::control::LeftOut;
-use crate::control::output::{BeginError, Clock, Phase};
+use crate::control::output::{Clock, Phase};
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use doubts::Doubts;
@@ -35,52 +38,16 @@ use ending::Off;
 use exchange::ROWS;
 use judging::Judge;
 use reference::Reference;
+use seen::Seen;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The rates that are accepted \[Hz\]: at the lowest, a wish to end is heard within a tenth of a second.
-pub const RATES: std::ops::RangeInclusive<f64> = 10.0..=20_000.0;
 /// An arm that has not come to rest by then \[s\] is left to its own brakes.
 const LONGEST_STOP: f64 = 5.0;
 /// So many commands in a row are refused before the drive ends at once.
 const REFUSALS: u32 = 3;
-
-/// How a robot is driven.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Periods per second \[Hz\], in [`RATES`].
-    pub rate: f64,
-    /// How long, by the robot's clock \[s\]; until somebody ends it, if it is not said.
-    pub seconds: Option<f64>,
-    /// How long a reference is carried on without a new one \[s\], ≥ 0.
-    pub patience: f64,
-    /// Periods per row that is kept for a file; 0 keeps none.
-    pub record_every: u64,
-    /// What the set points of a robot that takes positions or velocities keep to; such a robot needs them.
-    pub limits: Option<SetPointLimits>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self { rate: 1000.0, seconds: None, patience: 0.1, record_every: 0, limits: None }
-    }
-}
-
-/// Why there is no such drive.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum DriveError {
-    /// The law is not for this rate.
-    #[error(transparent)]
-    Begin(#[from] BeginError),
-    /// A limit of the set points is none.
-    #[error("limits: {0}")]
-    Limits(#[from] VirtualArmError),
-    /// There are no limits.
-    #[error("limits: a robot that takes positions or velocities needs some")]
-    NoLimits,
-}
 
 /// How a drive went.
 #[derive(Debug, Clone)]
@@ -181,6 +148,7 @@ struct Inner {
     refused: u32,
     closest: Closest,
     doubts: Doubts,
+    seen: Seen,
     notes: Vec<String>,
 }
 
@@ -248,6 +216,7 @@ impl<D: Driver> Loop<D> {
             refused: 0,
             closest: Closest::default(),
             doubts: Doubts::default(),
+            seen: Seen::new(),
             notes: vec![],
             controller,
             exchange: Arc::clone(&exchange),
@@ -306,7 +275,7 @@ impl Inner {
         let (sensed, is_observed) =
             (self.sense(driver), self.controller.external_torque().is_some());
         self.exchange.measures.store(sensed == Ok(true), Ordering::Release);
-        let is_felt = is_observed && sensed.map_err(Fault::Read)?;
+        let is_felt = is_observed && sensed?;
         if self.senses && !is_felt {
             return Err(Fault::Begin(SuccessionError::Unmeasured.to_string()));
         }
@@ -345,27 +314,27 @@ impl Inner {
     }
 
     /// Lets the controller know what the robot measures from outside. Whether it measures any.
-    fn sense<D: Driver>(&mut self, driver: &mut D) -> Result<bool, String> {
+    fn sense<D: Driver>(&mut self, driver: &mut D) -> Result<bool, Fault> {
         let Self { controller, external, .. } = self;
-        let measured = driver.external_torque(external)?;
+        let measured = driver.external_torque(external).map_err(Fault::Read)?;
         if measured {
+            Fault::unless_finite("external_torque", external)?;
             controller.sense(external);
         }
         Ok(measured)
     }
 
     fn is_finite(&self, t: f64) -> Result<(), Fault> {
-        let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
-        let parts = [("time", t.is_finite()), ("q", finite(&self.q)), ("dq", finite(&self.dq))];
-        let bad = parts.iter().find(|(_, finite)| !finite);
-        bad.map_or(Ok(()), |(name, _)| Err(Fault::NotFinite(name)))
+        Fault::unless_finite("time", &[t])?;
+        Fault::unless_finite("q", &self.q)?;
+        Fault::unless_finite("dq", &self.dq)
     }
 
     /// One period. Returns the instant at which its state had come, and whether it goes on.
     fn period<D: Driver>(&mut self, driver: &mut D) -> (Instant, bool) {
         let read = driver.read(&mut self.q, &mut self.dq);
         let sensed = |t| if self.senses { self.sense(driver).map(|_| t) } else { Ok(t) };
-        let read = read.and_then(sensed).map_err(Fault::Read);
+        let read = read.map_err(Fault::Read).and_then(sensed);
         let state = read.and_then(|t| self.is_finite(t).map(|()| t));
         let begin = Instant::now();
         if let Err(fault) = &state {
@@ -382,6 +351,10 @@ impl Inner {
         let t = state.ok().map(|t| self.time_at(t));
         let time = t.unwrap_or(self.last).max(0.0);
         self.receive(time, driver);
+        let unseen = self.options.sight_patience.and_then(|it| self.seen.missing(time, it));
+        if let Some((obstacle, since)) = unseen {
+            self.fail(Fault::Unseen { obstacle, since });
+        }
         if self.exchange.end.load(Ordering::Acquire) {
             self.end(Ending::Stopped);
         }

@@ -10,7 +10,7 @@ impl Inner {
     /// Takes over what others have sent; a robot whose measurements are wanted from now on is asked for them.
     pub(super) fn receive<D: Driver>(&mut self, time: f64, driver: &mut D) {
         let has_sensed = self.senses;
-        let Self { exchange, controller, given, has_target, doubts, senses, .. } = self;
+        let Self { exchange, controller, given, has_target, doubts, seen, senses, .. } = self;
         exchange.receive(|inbox: &mut Inbox| {
             let Inbox { target, surroundings, points, sightings, law, old } = inbox;
             if let Some(new) = target.take() {
@@ -19,6 +19,7 @@ impl Inner {
             }
             if let Some((mut new, epoch)) = surroundings.take() {
                 controller.exchange(&mut new, epoch.unwrap_or(time));
+                seen.forget();
                 old.surroundings = Some(new);
             }
             if !controller.is_succeeding()
@@ -40,6 +41,7 @@ impl Inner {
             }
             for (j, points) in &mut *points {
                 // They were tried on the mirror, which is among the same obstacles.
+                seen.add(*j, points.since().map_or(time, |since| since.min(time)));
                 let swapped = controller.swap_points(*j, points);
                 debug_assert!(swapped.is_ok(), "{swapped:?}");
             }
@@ -47,6 +49,7 @@ impl Inner {
             let dimension = controller.dimension();
             for Sighting { obstacle, position, velocity } in sightings.drain(..) {
                 let [position, velocity] = [&position, &velocity].map(|x| &x[..dimension]);
+                seen.add(obstacle, time);
                 doubts.add(obstacle, time, controller.place(obstacle, time, position, velocity));
             }
         });
@@ -55,7 +58,7 @@ impl Inner {
                 Ok(true) => {}
                 // Somebody asked for it before that was known.
                 Ok(false) => self.fail(Fault::Begin(SuccessionError::Unmeasured.to_string())),
-                Err(text) => self.fail(Fault::Read(text)),
+                Err(fault) => self.fail(fault),
             }
         }
     }

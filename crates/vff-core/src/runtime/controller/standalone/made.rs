@@ -104,8 +104,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// From now on the joints are moved by the torque, if they are not.
     pub(super) fn move_by_torque(&mut self) {
-        if self.controller.gains().moved.is_some() {
-            self.move_within(None);
+        match self.controller.gains().moved {
+            Some(_) => self.move_within(None),
+            None => self.followed.iter_mut().for_each(|followed| followed.limit(None)),
         }
     }
 
