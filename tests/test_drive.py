@@ -311,8 +311,8 @@ def test_one_that_hangs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("way", ["moved", "points"])
 def test_a_camera_that_dies_ends_it(way: str) -> None:
-    """By a damped stop, and the report says what was not seen; one that goes on does not, nor is it asked of what
-    nobody has seen yet.
+    """By a damped stop, and the report says what was not seen; one that goes on does not, nor does what nobody
+    has seen yet.
     """
     cloud = vff.Obstacle.points([[0.0, 0.9, 0.5]], 0.05)
 

@@ -36,6 +36,7 @@ class DriveLog(threading.Thread):
         self.start()
 
     def run(self) -> None:
+        """Write what has come together, again and again."""
         while not self._over.wait(_DRAIN):
             self._drain()
 
