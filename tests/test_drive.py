@@ -311,7 +311,7 @@ def test_one_that_hangs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("way", ["moved", "points"])
 def test_a_camera_that_dies_ends_it(way: str) -> None:
-    """By a damped stop, and the report says what was not seen; one that goes on does not, nor does what nobody
+    """By a damped stop, and the report says what was not seen; one that goes on does not, nor what nobody
     has seen yet.
     """
     cloud = vff.Obstacle.points([[0.0, 0.9, 0.5]], 0.05)

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::math::ScalarOrVec;
+use crate::runtime::SetPointLimits;
 use crate::runtime::arm::AnyArm;
 use crate::runtime::controller::Target;
 use crate::runtime::obstacles::AnyObstacles;
