@@ -176,7 +176,7 @@ def in_space(count: int) -> None:
         )
         for name, changes in evaluation.CONTROLLERS.items()
         for family in scenes.FAMILIES
-        for arm in scenes.ARMS
+        for arm in scenes.EVALUATED
         for task in TASKS
     )
     ours.plot(DOCS / "figures" / "evaluation-spatial")
@@ -242,7 +242,7 @@ def arms_and_tasks(outcome: vff.Evaluation) -> str:
         "|---|---|---|--:" + "|--:" * len(names) + "|",
     ]
     for family in outcome.families:
-        for arm in scenes.ARMS:
+        for arm in scenes.EVALUATED:
             for task in TASKS:
                 rows = outcome.where(family=family, arm=arm, task=task)
                 found = list(rows.where(controller=names[0]).columns["feasibility"])

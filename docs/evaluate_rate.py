@@ -57,7 +57,7 @@ def main(count: int) -> None:
         seeds = range(scenes.EVALUATION.start, scenes.EVALUATION.start + count)
         drawn = [
             scenes.in_space(family, arm, task, seed)
-            for arm in scenes.ARMS
+            for arm in scenes.EVALUATED
             for task in TASKS
             for seed in seeds
         ]
@@ -76,7 +76,7 @@ def main(count: int) -> None:
             for metric in ("velocity_limit_ratio", "torque_limit_ratio"):
                 cells += [f"{max(run.metrics[metric] or 0.0 for run in runs):.3f}" for runs in both]
             rows.append(f"| {family} | {name} | {' | '.join(cells)} |")
-    total = len(scenes.FAMILIES) * len(scenes.ARMS) * len(TASKS) * count
+    total = len(scenes.FAMILIES) * len(scenes.EVALUATED) * len(TASKS) * count
     page = TEXT.format(
         scenes=total,
         rate=RATE,

@@ -18,7 +18,8 @@ from vffnull.evaluation import scenes
 from vffnull.run import evaluate as evaluating
 
 DOCS = Path(__file__).resolve().parent
-COUNT, ARMS, FAMILIES = 60, ("panda", "iiwa14"), ("links-swept", "crowd")
+COUNT, FAMILIES = 60, ("links-swept", "crowd")
+ARMS = ("panda", "iiwa14", "xarm7", "gen3")
 LOOKS = evaluation.CONTROLLERS["cbf + preview"]
 SEARCHES = LOOKS | {"controller.yielding.preview": {"self_motion": {}}}
 # What of the scene is changed, and whether the motions of its obstacles are foreseen.
@@ -31,7 +32,7 @@ WAYS: dict[str, tuple[dict[str, Any], bool]] = {
 
 TEXT = """# With the search of the self-motion
 
-{scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md) in which an arm of seven joints holds a pose
+{scenes} scenes as those of [evaluation-spatial.md](evaluation-spatial.md) in which an arm of seven joints holds a pose
 or moves it along a line, with look-ahead and with the search of the self-motion on top of it
 (`yielding.preview.self_motion`, [theory.md](theory.md), T172 to T175), made by
 `python docs/evaluate_self_motion.py{count}`, vffnull {version}. The search's numbers were settled on other

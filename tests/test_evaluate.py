@@ -287,7 +287,7 @@ def test_tables_and_figures_of_space(in_space: vff.Evaluation, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"arm": "puma"}, "arm: expected one of panda, iiwa14, ur5e, not 'puma'"),
+        ({"arm": "puma"}, "arm: expected one of panda, iiwa14, ur5e, xarm7, gen3, not 'puma'"),
         ({"arm": ()}, "no family, no arm or no task"),
         ({"task": "poses"}, "task: expected one of position, pointing, pose"),
         ({"category": "swept"}, "family: expected one of links-swept"),

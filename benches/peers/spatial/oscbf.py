@@ -38,7 +38,7 @@ jax.config.update("jax_enable_x64", True)  # too late for the variable where qps
 SLOTS = (2, 6, 10)  # obstacles that a compiled filter has room for
 FAR = 100.0  # m, where an empty slot is
 ALLOWED = 1e-7  # m: the other implementation halves intervals
-OTHERS = tuple(arm for arm in scenes.ARMS if arm not in panda_spheres.ARMS)
+OTHERS = tuple(arm for arm in scenes.EVALUATED if arm not in panda_spheres.ARMS)
 BACKEND, TOLERANCE = "elastiqp", 1e-5  # the faster of cbfpy's two solvers, as exact as it recommends
 
 

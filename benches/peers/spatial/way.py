@@ -81,6 +81,6 @@ class Way:
     prepare: Callable[[Task, Settings], Controller] | None = None
     changes: Callable[[Settings], Settings] | None = None
     like: str = ""
-    arms: tuple[str, ...] = scenes.ARMS
+    arms: tuple[str, ...] = scenes.EVALUATED
     hasty: Settings = field(default_factory=dict)
     every: int = 1

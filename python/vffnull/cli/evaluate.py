@@ -143,7 +143,7 @@ def evaluate(
         raise click.UsageError("--arm and --task are of scenes in space: add --space")
     if space and joints:
         raise click.UsageError("--joints is of scenes in the plane: --space takes --arm")
-    of_arms, of_tasks = arms or scenes.ARMS, tasks or ("position", "pose")
+    of_arms, of_tasks = arms or scenes.EVALUATED, tasks or ("position", "pose")
     if save_to is not None:  # find out before the runs, not after them
         evaluating.check_path(save_to)
         has_folder(save_to)

@@ -125,7 +125,7 @@ def evaluate(
     verdicts: Mapping[str, str] | None = None,
     *,
     space: bool = False,
-    arm: str | Iterable[str] = scenes.ARMS,
+    arm: str | Iterable[str] = scenes.EVALUATED,
     task: str | Iterable[str] = ("position", "pose"),
 ) -> Evaluation:
     """Run controllers on random scenes, in the plane or in space.
@@ -154,7 +154,8 @@ def evaluate(
     space : bool, optional
         Whether the scenes are those of `vffnull.evaluation.scenes.in_space`.
     arm, task : str or iterable of str, optional
-        Of scenes in space: some of `vffnull.evaluation.scenes.ARMS` and `vffnull.evaluation.scenes.TASKS`.
+        Of scenes in space: some of `vffnull.evaluation.scenes.ARMS`, by default those of
+        docs/evaluation-spatial.md, and of `vffnull.evaluation.scenes.TASKS`.
 
     Returns
     -------
@@ -400,7 +401,7 @@ def loop_times(
     seed: int = scenes.EVALUATION.start,
     *,
     space: bool = False,
-    arm: str | Iterable[str] = scenes.ARMS,
+    arm: str | Iterable[str] = scenes.EVALUATED,
     task: str | Iterable[str] = ("position", "pose"),
 ) -> str:
     """How long one step of the closed loop takes, as Markdown: mean, median, percentiles and maximum.

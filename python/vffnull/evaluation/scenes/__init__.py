@@ -24,12 +24,13 @@ from __future__ import annotations
 
 from vffnull.evaluation.scenes.common import EVALUATION, FAMILIES, TRAINING
 from vffnull.evaluation.scenes.plane import CATEGORIES, DURATION, random
-from vffnull.evaluation.scenes.space import ARMS, TASKS, in_space
+from vffnull.evaluation.scenes.space import ARMS, EVALUATED, TASKS, in_space
 
 __all__ = [
     "ARMS",
     "CATEGORIES",
     "DURATION",
+    "EVALUATED",
     "EVALUATION",
     "FAMILIES",
     "TASKS",

@@ -26,10 +26,13 @@ from vffnull.evaluation.scenes.common import (
 )
 from vffnull.model.scenario import Scenario
 
-__all__ = ["ARMS", "TASKS", "in_space"]
+__all__ = ["ARMS", "EVALUATED", "TASKS", "in_space"]
 
-ARMS = ("panda", "iiwa14", "ur5e")
+ARMS = ("panda", "iiwa14", "ur5e", "xarm7", "gen3")
 """Bundled arms that scenes are made for; the number of an arm's stream is its place here."""
+
+EVALUATED = ARMS[:3]
+"""Those of docs/evaluation-spatial.md, which are taken where none is named."""
 
 TASKS = ("position", "pointing", "pose")
 """Tasks that scenes are made for; the number of a task's stream is its place here."""
@@ -57,6 +60,8 @@ _SPEED = 0.6  # of the joints' speed limits, along the reference
 _POSTURES = {
     "panda": ((0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854), (2.0, 0.7, 0.6, 0.5, 0.8, 0.6, 0.9)),
     "iiwa14": ((0.0, 0.6, 0.0, -1.6, 0.0, 0.9, 0.0), (2.0, 0.5, 0.6, 0.4, 0.8, 0.5, 0.9)),
+    "xarm7": ((0.0, 0.3, 0.0, 1.6, 0.0, 1.2, 0.0), (2.0, 0.6, 0.6, 0.5, 0.8, 0.5, 0.9)),
+    "gen3": ((0.0, 0.5, 0.0, 1.8, 0.0, 1.2, 0.0), (2.0, 0.6, 0.6, 0.4, 0.8, 0.4, 0.9)),
     "ur5e": ((0.0, -1.57, 1.57, -1.57, -1.57, 0.0), (2.0, 0.6, 0.6, 0.6, 0.7, 1.0)),
 }
 
@@ -71,7 +76,7 @@ def in_space(family: str, arm: str, task: str, seed: int) -> Scenario:
     arm : str
         One of `ARMS`: a bundled arm, with its limits of joint angles, speeds and torques.
     task : {"position", "pointing", "pose"}
-        What the arm has to do; a pose leaves a UR5e no freedom, the other two arms one degree of it.
+        What the arm has to do; a pose leaves a UR5e no freedom, the other arms one degree of it.
     seed : int
         Which scene; 0 to 999 999 for tuning, 1 000 000 to 1 999 999 for evaluation.
 
@@ -254,7 +259,7 @@ def _following(
 def _usable(arm: _core.Arm, bodies: Bodies, rows: slice, q: Array) -> bool:
     """Whether a posture is away from joint limits and singularities."""
     limits = arm.joint_limits
-    if limits is not None and (np.abs(q - limits.mean(axis=1)) > 0.5 * np.ptp(limits, axis=1) - _LIMIT).any():
+    if limits is not None and ((q < limits[:, 0] + _LIMIT) | (q > limits[:, 1] - _LIMIT)).any():
         return False
     length = np.repeat([1.0, bodies.reach / 6.0], 3)[rows, None]
     J = length * arm.jacobian(q)[rows]
