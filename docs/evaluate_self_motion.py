@@ -32,8 +32,8 @@ WAYS: dict[str, tuple[dict[str, Any], bool]] = {
 
 TEXT = """# With the search of the self-motion
 
-{scenes} scenes as those of [evaluation-spatial.md](evaluation-spatial.md) in which an arm of seven joints holds a pose
-or moves it along a line, with look-ahead and with the search of the self-motion on top of it
+{scenes} scenes as those of [evaluation-spatial.md](evaluation-spatial.md) in which an arm of seven joints
+holds a pose or moves it along a line, with look-ahead and with the search of the self-motion on top of it
 (`yielding.preview.self_motion`, [theory.md](theory.md), T172 to T175), made by
 `python docs/evaluate_self_motion.py{count}`, vffnull {version}. The search's numbers were settled on other
 seeds.

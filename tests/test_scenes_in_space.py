@@ -247,7 +247,11 @@ def test_distances_of_the_two_implementations_agree(arm: str) -> None:
     ("arguments", "error", "message"),
     [
         (("crowds", "panda", "pose", 0), InputError, "family: expected one of links-swept"),
-        (("crowd", "puma", "pose", 0), InputError, "arm: expected one of panda, iiwa14, ur5e, xarm7, gen3, not 'puma'"),
+        (
+            ("crowd", "puma", "pose", 0),
+            InputError,
+            "arm: expected one of panda, iiwa14, ur5e, xarm7, gen3, not 'puma'",
+        ),
         (("crowd", "panda", "poses", 0), InputError, "task: expected one of position, pointing, pose"),
         (("crowd", ["panda"], "pose", 0), InputError, "arm: expected one of"),
         (("crowd", "panda", "pose", -1), InputError, "seed: must be from 0 to 1999999, got -1"),

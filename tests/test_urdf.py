@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import subprocess
@@ -20,6 +21,7 @@ from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
 from strategies import random_arm
 from vffnull import Arm, _core, arms, plan, simulate
+from vffnull.arms._export import to_mjcf
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
 mujoco = pytest.importorskip("mujoco")
@@ -623,6 +625,61 @@ def test_mjcf_is_what_mujoco_simulates() -> None:
         stand = np.array([0.0, 0.0, 1.0])
         np.testing.assert_allclose(tip[:3, 3] + stand, data.site("tcp").xpos, atol=1e-12)
         np.testing.assert_allclose(tip[:3, :3].ravel(), data.site("tcp").xmat, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("motors", "limit", "told"),
+    [
+        ('<motor joint="one" forcerange="-5 50"/>', 5.0, "`one` give -5 to 50: the less is taken"),
+        (
+            '<motor joint="one" gear="50" ctrlrange="0 1"/>',
+            50.0,
+            "`one` give 0 to 50: they push one way alone",
+        ),
+        ('<motor joint="one" gear="-100" ctrlrange="-1 1" forcerange="-5000 5000"/>', 100.0, ""),
+        ('<motor joint="one" gear="100" ctrlrange="-80 80" forcerange="-5 5"/>', 500.0, ""),
+        (
+            '<motor joint="one" gear="50" ctrlrange="0 1"/><motor joint="one" gear="-20" ctrlrange="0 1"/>',
+            20.0,
+            "`one` give -20 to 50",
+        ),
+        ('<motor jointinparent="one" gear="50" ctrlrange="-1 1"/>', 50.0, ""),
+        ('<position joint="one" kp="100" ctrlrange="-1 1" forcerange="-30 30"/>', 30.0, ""),
+        ('<motor joint="one" forcerange="-30 30"/><motor joint="one"/>', 1e5, ""),  # none
+    ],
+)
+def test_mjcf_limits_of_torque_are_those_of_the_actuators(motors: str, limit: float, told: str) -> None:
+    """In both directions, as MuJoCo gives them for every corner of what its controls may be."""
+    start, end = HINGES.index("<actuator>"), HINGES.index('<motor joint="two"')
+    given = HINGES[:start] + "<actuator>" + motors + HINGES[end:]
+    report = arms.read_mjcf(given, base="stand", tip="tcp", locked={"grip": 0.03})
+    assert report.document["torque_limits"][0] == limit
+    said = [warning for warning in report.warnings if "actuators" in warning]
+    assert (told in said[0] and len(said) == 1) if told else not said
+    model = mujoco.MjModel.from_xml_string(given)
+    data, found = mujoco.MjData(model), []
+    for corner in itertools.product([-1e6, 1e6], repeat=model.nu):
+        data.ctrl[:] = corner
+        mujoco.mj_forward(model, data)
+        found.append(data.qfrc_actuator[0])
+    if limit < 1e5 and "one way" not in told:
+        assert min(-min(found), max(found)) == pytest.approx(limit)
+
+
+def test_mjcf_of_a_base_that_is_called_world_and_a_site_that_is_called_as_its_body() -> None:
+    """MuJoCo has a world of its own; which of both is the tip is told."""
+    named = HINGES.replace('name="stand"', 'name="floor"').replace('name="tcp"', 'name="b"')
+    report = arms.read_mjcf(named, base="floor", tip="b", locked={"grip": 0.03})
+    assert any("`b` is a body and a site" in warning for warning in report.warnings)
+    of_site = arms.read_mjcf(named, base="floor", tip="b (site)", locked={"grip": 0.03}).document
+    tcp = arms.read_mjcf(HINGES, base="stand", tip="tcp", locked={"grip": 0.03}).document
+    np.testing.assert_array_equal(poses(of_site, [0.1, 0.1])[-1], poses(tcp, [0.1, 0.1])[-1])
+    assert np.abs(poses(report.document, [0.1, 0.1])[-1] - poses(tcp, [0.1, 0.1])[-1]).max() > 0.1
+    document = {**tcp, "base": "world", "ignore": [["world", "a"]]}
+    for pair in document["collision"]:
+        pair["link"] = pair["link"].replace("stand", "world")
+    model = mujoco.MjModel.from_xml_string(to_mjcf(document))
+    assert model.body(1).name == "base" and model.nexclude == 1
 
 
 def mujoco_takes_data() -> bool:

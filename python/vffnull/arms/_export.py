@@ -196,7 +196,9 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
     ET.SubElement(root, "option", gravity=_text(arm["gravity"]))
     asset = ET.SubElement(root, "asset")
     world = ET.SubElement(root, "worldbody")
-    body = ET.SubElement(world, "body", name=arm["base"])
+    # What stands still may be called as MuJoCo's world is, of which there is one.
+    base = arm["base"] if arm["base"] != "world" else _free("base", arm)
+    body = ET.SubElement(world, "body", name=base)
     body.attrib.update(_place(arm["mount"]))
     _mjcf_geoms(body, asset, arm, arm["base"], None if solids is None else _UNTOUCHED)
     n = len(arm["joints"])
@@ -221,8 +223,9 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
         pairs.append(first)
     if pairs:
         contact = ET.SubElement(root, "contact")
-        for first, second in pairs:
-            ET.SubElement(contact, "exclude", body1=first, body2=second)
+        for pair in pairs:
+            one, other = (base if link == arm["base"] else link for link in pair)
+            ET.SubElement(contact, "exclude", body1=one, body2=other)
     actuator = ET.SubElement(root, "actuator")
     torque = arm.get("torque_limits") or [math.inf] * n
     for joint, limit in zip(arm["joints"], torque, strict=True):

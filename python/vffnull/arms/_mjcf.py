@@ -194,7 +194,13 @@ class _Reader:
             links.append(self._link(body, anchors[body]))
         for site in range(model.nsite):
             name = self._name("SITE", site)
-            if name and not any(link["name"] == name for link in links):
+            if any(link["name"] == name for link in links):
+                own = f"{name} (site)"
+                self._warnings.append(
+                    f"`{name}` is a body and a site: the body is meant; the site is `{own}`"
+                )
+                name = own
+            if name:
                 links.append({"name": name})
                 body = int(model.site_bodyid[site])
                 place = frame(model.site_pos[site] - anchors[body], model.site_quat[site])
@@ -298,30 +304,42 @@ class _Reader:
         }
 
     def _torque(self, joint: int) -> float:
-        """The largest torque of its actuators, 0 for no limit."""
-        model = self._model
-        limits = []
+        """The torque that its actuators have in both directions, 0 for no limit."""
+        model, kinds = self._model, self._mujoco.mjtTrn
+        of_joints = [int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)]
+        moves = np.isin(model.actuator_trntype, of_joints) & (model.actuator_trnid[:, 0] == joint)
+        given = [self._of_motor(motor) for motor in map(int, np.flatnonzero(moves))]
+        low, high = np.sum(given, axis=0) if given else (-math.inf, math.inf)
         if model.jnt_actfrclimited[joint]:
-            limits.append(float(np.max(np.abs(model.jnt_actfrcrange[joint]))))
-        motors = np.flatnonzero(
-            (model.actuator_trntype == int(self._mujoco.mjtTrn.mjTRN_JOINT))
-            & (model.actuator_trnid[:, 0] == joint)
-        )
-        total = 0.0
-        for motor in motors:
-            gear = abs(float(model.actuator_gear[motor, 0]))
-            direct = int(model.actuator_biastype[motor]) == int(self._mujoco.mjtBias.mjBIAS_NONE)
-            if model.actuator_forcelimited[motor]:
-                total += gear * float(np.max(np.abs(model.actuator_forcerange[motor])))
-            elif direct and model.actuator_ctrllimited[motor]:
-                gain = abs(float(model.actuator_gainprm[motor, 0]))
-                total += gear * gain * float(np.max(np.abs(model.actuator_ctrlrange[motor])))
-            else:
-                total = 0.0
-                break
-        if total > 0:
-            limits.append(total)
-        return min(limits, default=0.0)
+            low, high = np.clip([low, high], *model.jnt_actfrcrange[joint])
+        one_way = min(-low, high) <= 0.0
+        torque = float(max(-low, high) if one_way else min(-low, high))
+        if not math.isclose(-low, high, rel_tol=1e-9):
+            name = self._name("JOINT", joint) or f"joint {joint}"
+            what = (
+                "they push one way alone, and the law reckons with both" if one_way else "the less is taken"
+            )
+            self._warnings.append(f"the actuators of `{name}` give {low:g} to {high:g}: {what}")
+        return torque if math.isfinite(torque) else 0.0
+
+    def _of_motor(self, motor: int) -> tuple[float, float]:
+        """The least and the most that an actuator gives to its joint; infinite where nothing is said."""
+        model, mujoco = self._model, self._mujoco
+        gear = float(model.actuator_gear[motor, 0])
+        low, high = -math.inf, math.inf
+        follows = [int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}")) for kind in ("NONE", "FILTER", "FILTEREXACT")]
+        if (
+            int(model.actuator_gaintype[motor]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+            and int(model.actuator_biastype[motor]) == int(mujoco.mjtBias.mjBIAS_NONE)
+            and int(model.actuator_dyntype[motor]) in follows
+            and model.actuator_ctrllimited[motor]
+        ):
+            gain = float(model.actuator_gainprm[motor, 0])
+            low, high = sorted(gain * float(end) for end in model.actuator_ctrlrange[motor])
+        if model.actuator_forcelimited[motor]:
+            low, high = np.clip([low, high], *model.actuator_forcerange[motor])
+        ends = sorted(gear * end for end in (low, high)) if gear != 0.0 else (0.0, 0.0)
+        return float(ends[0]), float(ends[1])
 
     def _geometry(self, body: int, anchor: Array) -> list[dict[str, Any]]:
         model, kinds = self._model, self._mujoco.mjtGeom

@@ -168,6 +168,8 @@ def text_of(name: str, given: str | os.PathLike[str]) -> tuple[str, Path | None]
         return given, None
     if not isinstance(given, (str, os.PathLike)):
         raise InputTypeError(f"{name}: expected a path or text, got {type(given).__name__}")
+    if isinstance(given, str) and not given.strip():
+        raise InputError(f"{name}: is empty")
     path = Path(given)
     try:
         return files.read_text(path, MAX_BYTES, "utf-8-sig"), path
