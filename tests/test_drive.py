@@ -309,6 +309,75 @@ def test_one_that_hangs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     assert finished(drive).status == "interrupted"
 
 
+class Paced:
+    """A Panda that paces the loop; `act` is told of every state of it, and of the drive."""
+
+    paces = True
+
+    def __init__(self, act: Callable[[int, Paced], None]) -> None:
+        self._act, self._k = act, 0
+        self.q, self.dq = np.array(SCENE["q0"], dtype=float), np.zeros(7)
+        self.drive: vff.Drive | None = None
+
+    def read(self) -> Any:
+        if self.drive is not None:
+            self._k += 1
+            self._act(self._k, self)
+        return 1e-3 * self._k, self.q, self.dq
+
+    def write(self, command: Any, /) -> None:
+        if self.drive is not None:
+            self.dq = self.dq + 1e-3 * ARM.forward_dynamics(self.q, self.dq, command)
+            self.q = self.q + 1e-3 * self.dq
+
+    def driven(self, law: vff.Controller, **more: Any) -> vff.DriveReport:
+        with vff.drive(self, law, seconds=1.6, **more) as drive:
+            self.drive = drive
+            return finished(drive)
+
+
+@pytest.mark.parametrize("at", [853, 854])
+def test_points_stay_while_a_law_waits_for_its_turn(at: int) -> None:
+    """Those that were replaced came back in every other period, and might stay."""
+    here = ARM.forward_kinematics(SCENE["q0"])[-1]
+    near = vff.Obstacle.points([here + np.array([0.0, 0.0, 0.3])], 0.05)
+    seen = []
+
+    def act(k: int, robot: Paced) -> None:
+        assert robot.drive is not None
+        if k in (800, 810):
+            robot.drive.set_controller(controller(), blend=0.2)  # the second waits for the first
+        if k == at:
+            robot.drive.update_points([here + np.array([0.0, 0.0, 0.3])], obstacle=0)
+        if k > at + 2:
+            truth = vff.distances(ARM, robot.q, np.zeros(7), [near]).distance.min()
+            seen.append(abs(robot.drive.state.clearance.min() - truth))
+
+    far = vff.Obstacle.points([here + np.array([0.0, 0.0, 0.6])], 0.05)
+    assert Paced(act).driven(controller(), obstacles=[far]).status == "completed"
+    assert len(seen) > 500 and max(seen) < 1e-3  # it moves a little from period to period
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_a_target_for_another_tip_waits_for_the_law_that_leads_it(waits: bool) -> None:
+    """It is where that tip is: nothing moves. The old tip went there as long as the new law waited."""
+    settings = {"task": "position", "stiffness": 400.0, "damping": 40.0, "null_damping": 10.0}
+    longer = ARM.with_tool([0.0, 0.0, 0.3])
+    moved = []
+
+    def act(k: int, robot: Paced) -> None:
+        assert robot.drive is not None
+        if k == 800 and waits:
+            robot.drive.set_controller(vff.Controller(ARM, settings | {"null_damping": 12.0}))
+        if k == 810:
+            robot.drive.set_controller(vff.Controller(longer, settings))
+            robot.drive.set_target(longer.pose(robot.q)[0])
+        moved.append(abs(robot.q - SCENE["q0"]).max())
+
+    assert Paced(act).driven(vff.Controller(ARM, settings)).status == "completed"
+    assert max(moved) < 1e-6
+
+
 @pytest.mark.parametrize("way", ["moved", "points"])
 def test_a_camera_that_dies_ends_it(way: str) -> None:
     """By a damped stop, and the report says what was not seen; one that goes on does not, nor what nobody

@@ -298,3 +298,34 @@ def test_a_loop_that_is_too_slow_does_not_begin() -> None:
 def test_what_does_not_fit_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ScenarioError, match=message.replace(".", r"\.")):
         vff.simulate(WIPE, changes)
+
+
+@pytest.mark.filterwarnings("ignore:obstacles. link 4 is:vffnull.errors.ScenarioWarning")
+def test_what_the_tip_does_not_press_on_is_a_collision() -> None:
+    """A ball from the side through the hand that presses on a table: nothing resists it. Headline and metrics
+    name the link that is in what it is not to touch, and how deep.
+    """
+    wipe = vff.Scenario.load("panda-wipe")
+    obstacles = wipe.to_dict()["obstacles"]
+    free = vff.simulate(wipe, {"simulation.record_every": 1, "duration": 3.5})
+    at = int(np.argmin(abs(free.t - 3.0)))
+    speed = np.array([0.0, 0.3, 0.0])
+
+    def with_ball(position: Any, radius: float, velocity: Any) -> Any:
+        ball = vff.Obstacle.sphere(position, radius, vff.Motion.linear(velocity)).to_dict()
+        changed = wipe.replace(obstacles=[*obstacles, ball])
+        result = vff.simulate(changed, {"simulation.record_every": 1, "duration": 3.5})
+        found = vff.distances(wipe.arm, result.q, np.zeros_like(result.q), [ball], result.t)
+        return result, np.array([found.distance[:, found.link == link].min() for link in range(7)])
+
+    hand = wipe.arm.forward_kinematics(free.q[at])[-1]
+    result, least = with_ball(hand + np.array([0.0, 0.0, 0.08]) - 3.0 * speed, 0.04, speed)
+    assert result.status == "collided" and result.headline.severity == "bad"
+    assert least.min() < -0.05 and result.metrics.intrusion_link == least.argmin() == 6
+    assert result.metrics.intrusion_depth == pytest.approx(-least.min(), abs=1e-9)
+
+    elbow = wipe.arm.forward_kinematics(free.q[0])[4]
+    result, least = with_ball(elbow + np.array([0.0, 0.06, 0.06]), 0.03, np.zeros(3))
+    assert least.min() < 0.0 and result.metrics.intrusion_link == least.argmin() < 6
+    assert result.metrics.intrusion_depth == pytest.approx(-least.min(), abs=1e-9)
+    assert f"panda_link{least.argmin() + 1} was" in str(result.headline)

@@ -259,7 +259,8 @@ class Drive:
 
         The torque goes over from one law to the other without a step; while it does, it is a mean of both, so
         that limits and distances that both keep are kept. Obstacles, reference and loop stay as they are, and
-        so does what an observer and a tank know; a look-ahead begins anew. It waits for the last one.
+        so does what an observer and a tank know; a look-ahead begins anew. It waits for the last one, and a
+        target that is set for another tip of it waits with it.
 
         A load that the arm takes up is a controller for ``arm.with_load(mass)``. A robot that adds the torque
         against gravity itself has to be told of it as well, at the same time. With another tool

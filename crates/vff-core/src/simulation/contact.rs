@@ -108,6 +108,11 @@ impl<R: Robot<D>, S: ObstacleGeometry<D>, const D: usize> Contacts<R, S, D> {
         })
     }
 
+    /// Whether obstacle `j` does.
+    pub fn resists(&self, j: usize) -> bool {
+        self.settings.get(j).is_some_and(Option::is_some)
+    }
+
     /// The obstacles, to be changed.
     pub fn world_mut(&mut self) -> &mut World<S, D> {
         &mut self.world

@@ -37,6 +37,7 @@ pub const METRICS: &[Metric] = &[
     metric("collision_time", "s", "first contact of a link with an obstacle"),
     metric("intrusion_time", "s", "total time with a link inside an obstacle"),
     metric("intrusion_depth", "m", "deepest penetration of a link into an obstacle"),
+    metric("intrusion_link", "", "of which link, counted from 0 at the base"),
     metric("tail_start", "s", "end of the transient: 80 % of the run"),
     metric(
         "rms_error_transient",
@@ -196,6 +197,8 @@ pub struct Metrics {
     min_clearance_link: usize,
     collision_time: Option<f64>,
     intrusion_samples: usize,
+    /// The largest depth of a link in what it is not to touch \[m\], and which link that was.
+    deepest: (f64, Option<usize>),
     sum_error: [f64; 2],
     max_error: [f64; 2],
     max_orientation_error: Option<f64>,
@@ -255,6 +258,7 @@ impl Metrics {
             min_clearance_link: 0,
             collision_time: None,
             intrusion_samples: 0,
+            deepest: (0.0, None),
             sum_error: [0.0; 2],
             max_error: [0.0; 2],
             max_orientation_error: None,
@@ -347,6 +351,11 @@ impl Metrics {
         if s.collides() {
             self.collision_time.get_or_insert(s.t);
             self.intrusion_samples += 1;
+            for (link, room) in s.room().enumerate() {
+                if -room > self.deepest.0 {
+                    self.deepest = (-room, Some(link));
+                }
+            }
         }
         if let Some(distance) = s.self_clearance {
             let least = self.min_self_clearance.get_or_insert(f64::INFINITY);
@@ -487,7 +496,8 @@ impl Metrics {
             when_seen(Value::Count(self.min_clearance_link)),
             optional(self.collision_time),
             time(self.intrusion_samples),
-            number((-self.min_clearance).max(0.0)),
+            number(self.deepest.0),
+            count(self.deepest.1),
             number(self.tail_start),
             rms(self.sum_error[0], transient),
             given(transient > 0, self.max_error[0]),

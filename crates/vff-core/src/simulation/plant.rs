@@ -210,6 +210,11 @@ impl<A: Model<D>, S: ObstacleGeometry<D>, const D: usize> Plant<A, S, D> {
         }
     }
 
+    /// Whether a link that presses into obstacle `j` is resisted; of any where no contact is felt.
+    pub fn resists(&self, j: usize) -> bool {
+        self.contacts.as_ref().is_none_or(|contacts| contacts.resists(j))
+    }
+
     /// Takes in what that says of the contacts where the arm was felt last: the obstacle of each, and the force on a link.
     pub fn tell(&mut self, told: impl Iterator<Item = (usize, Acting<D>)>) {
         if let Some(contacts) = &mut self.contacts {

@@ -74,8 +74,8 @@ pub struct Snapshot<'a> {
     pub force: &'a [f64],
     /// Signed surface distance from each link to the nearest obstacle \[m\], (n).
     pub clearance: &'a [f64],
-    /// The link whose tip is to press on something, if there is one.
-    pub pressing_link: Option<usize>,
+    /// Where the tip is to press on something, how near its link is to all else \[m\].
+    pub unpressed: Option<f64>,
     /// The obstacles.
     pub obstacles: &'a dyn Positions,
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
@@ -129,9 +129,14 @@ impl Snapshot<'_> {
         self.q_plan.is_some() || self.replans.is_some()
     }
 
-    /// Whether a link is inside an obstacle, but for one whose tip is to press on something.
+    /// How near each link is to what it is not to touch \[m\]: to everything but what the tip is to press on.
+    pub fn room(&self) -> impl Iterator<Item = f64> + '_ {
+        let links = self.clearance.len() - usize::from(self.unpressed.is_some());
+        self.clearance[..links].iter().copied().chain(self.unpressed)
+    }
+
+    /// Whether a link is inside an obstacle that it is not to touch.
     pub fn collides(&self) -> bool {
-        let links = self.clearance.iter().enumerate();
-        links.fold(false, |any, (link, d)| any | (*d < 0.0 && self.pressing_link != Some(link)))
+        self.room().any(|distance| distance < 0.0)
     }
 }

@@ -125,6 +125,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         &self.forces
     }
 
+    /// The way in which the tip of `robot` is to press, of length 1; None where no force is asked for.
+    pub fn pressed_by(&self, robot: &R) -> Option<Vector<D>> {
+        self.force.as_ref().map(|force| force.direction(robot))
+    }
+
     /// The torque of the last command \[N·m\].
     pub fn torque(&self) -> &Torque {
         &self.law.torque
@@ -134,7 +139,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
         interrupt::checkpoint(32 * D * D * q.len());
         self.space.update(&mut self.robot, q, dq);
-        let pressed = self.force.as_ref().map(|force| force.direction(&self.robot));
+        let pressed = self.pressed_by(&self.robot);
         let pressed = pressed.as_ref();
         self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings, pressed);
         if let Some(avoider) = &mut self.avoider {

@@ -66,8 +66,18 @@ pub(super) struct Inbox {
     pub sightings: Vec<Sighting>,
     /// A law that is to take the place of the one in use, within so long \[s\]. It stays here until the last has done so.
     pub law: Option<(AnyController, f64)>,
+    /// What is of another tip than that of the law in use.
+    pub of_other_tip: OfOtherTip,
     /// What they took the place of, for others to free.
     pub old: Old,
+}
+
+/// Whether it is of another tip than the one that is led: the law that waits, and the target that was given after it, which waits with
+/// it.
+#[derive(Debug, Default)]
+pub(super) struct OfOtherTip {
+    pub law: bool,
+    pub target: bool,
 }
 
 /// What the loop had before.
@@ -192,7 +202,10 @@ impl Exchange {
             return Err(fault(format!("must be within {FARTHEST:e}, with its rates, got {far:e}")));
         }
         let mut new = Some(Reference::new(target));
-        self.send(|inbox| swap(&mut inbox.target, &mut new));
+        self.send(|inbox| {
+            inbox.of_other_tip.target = inbox.law.is_some() && inbox.of_other_tip.law;
+            swap(&mut inbox.target, &mut new);
+        });
         Ok(())
     }
 
@@ -281,9 +294,12 @@ impl Exchange {
             return Err(SuccessionError::Unmeasured);
         }
         mirror.forget(); // whatever is being left there
-        mirror.succeed(&mut next.clone(), 0.0)?;
+        let has_same_tip = mirror.succeed(&mut next.clone(), 0.0)?;
         let mut new = Some((next, blend.max(0.0)));
-        self.send(|inbox| swap(&mut inbox.law, &mut new));
+        self.send(|inbox| {
+            swap(&mut inbox.law, &mut new);
+            inbox.of_other_tip.law = !has_same_tip;
+        });
         Ok(())
     }
 

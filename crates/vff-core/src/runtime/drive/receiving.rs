@@ -12,8 +12,9 @@ impl Inner {
         let has_sensed = self.senses;
         let Self { exchange, controller, given, has_target, doubts, seen, senses, .. } = self;
         exchange.receive(|inbox: &mut Inbox| {
-            let Inbox { target, surroundings, points, sightings, law, old } = inbox;
-            if let Some(new) = target.take() {
+            let Inbox { target, surroundings, points, sightings, law, of_other_tip, old } = inbox;
+            let waits = of_other_tip.target && law.is_some() && controller.is_succeeding();
+            if let Some(new) = target.take_if(|_| !waits) {
                 *has_target = true;
                 old.target = given.replace((new, time)).map(|(before, _)| before);
             }
@@ -45,7 +46,9 @@ impl Inner {
                 let swapped = controller.swap_points(*j, points);
                 debug_assert!(swapped.is_ok(), "{swapped:?}");
             }
-            swap(points, &mut old.points);
+            if !points.is_empty() {
+                swap(points, &mut old.points); // sending has emptied it: what is there once more would be news again
+            }
             let dimension = controller.dimension();
             for Sighting { obstacle, position, velocity } in sightings.drain(..) {
                 let [position, velocity] = [&position, &velocity].map(|x| &x[..dimension]);

@@ -1,6 +1,7 @@
 //! What can be asked of a closed loop at its present instant.
 
 use super::*;
+use crate::control::force::is_pressed;
 use crate::control::{CommandSettings, SelfMotionMap};
 use crate::math::dot;
 use crate::simulation::DepthPicture;
@@ -119,30 +120,52 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
     }
 
-    /// The smallest of those distances \[m\], but for the link whose tip is to press on something; infinite without any.
+    /// The smallest of those distances \[m\], but for what the tip is to press on; infinite without any.
     pub fn least_clearance(&self) -> f64 {
-        let pressing = self.pressing_link();
-        let links = self.clearance().iter().enumerate();
-        let free = links.filter(|(link, _)| pressing != Some(*link));
-        free.fold(f64::INFINITY, |least, (_, distance)| least.min(*distance))
+        let unpressed = self.unpressed();
+        let links = self.clearance().len() - usize::from(unpressed.is_some());
+        let others = self.clearance()[..links].iter();
+        others.copied().chain(unpressed).fold(f64::INFINITY, f64::min)
     }
 
-    /// The link and the obstacle that are nearest to each other, but for that link.
+    /// The link and the obstacle that are nearest to each other, but for what the tip is to press on.
     pub fn nearest(&self) -> Option<[usize; 2]> {
-        let (pressing, mut nearest) = (self.pressing_link(), (f64::INFINITY, None));
+        let mut nearest = (f64::INFINITY, None);
         self.for_each_pair(|contact| {
-            if contact.distance < nearest.0 && pressing != Some(contact.link) {
+            if contact.distance < nearest.0 && !self.is_pressed_on(contact) {
                 nearest = (contact.distance, Some([contact.link, contact.obstacle]));
             }
         });
         nearest.1
     }
 
-    /// The link whose tip is to press on something; none where no force is asked for.
-    fn pressing_link(&self) -> Option<usize> {
-        let controller = &self.stack.controller;
-        let presses = controller.gains().touch.force.is_some();
-        presses.then(|| controller.robot().dof() - 1)
+    /// The arm as it is in truth.
+    fn true_robot(&self) -> &S::State {
+        self.truth.as_ref().map_or_else(|| self.controller().robot(), |_| self.plant.state())
+    }
+
+    /// Whether this is what the tip is to press on: a surface that resists, and faces it (T158).
+    fn is_pressed_on(&self, contact: &Contact<D>) -> bool {
+        let robot = self.true_robot();
+        let pressed = self.controller().pressed_by(robot);
+        is_pressed(robot, pressed.as_ref(), contact) && self.plant.resists(contact.obstacle)
+    }
+
+    /// Where the tip is to press on something, how near its link is to all else \[m\].
+    fn unpressed(&self) -> Option<f64> {
+        self.controller().gains().touch.force.as_ref()?;
+        let robot = self.true_robot();
+        let mut least = f64::INFINITY;
+        let mut look = |contact: &Contact<D>| {
+            if contact.link + 1 == robot.dof() && !self.is_pressed_on(contact) {
+                least = least.min(contact.distance);
+            }
+        };
+        self.stack.world.for_each_pair(robot.bodies(), &mut look);
+        if self.truth.is_some() {
+            self.stack.world.for_each_hidden(robot.bodies(), &mut look);
+        }
+        Some(least)
     }
 
     /// What the joints can do.
@@ -249,7 +272,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
-            pressing_link: self.pressing_link(),
+            unpressed: self.unpressed(),
             obstacles: &self.stack.world,
             null_acceleration: self.null_acceleration,
             energy,
