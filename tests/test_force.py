@@ -300,7 +300,7 @@ def test_what_does_not_fit_is_refused(changes: dict[str, Any], message: str) -> 
         vff.simulate(WIPE, changes)
 
 
-@pytest.mark.filterwarnings("ignore:obstacles. link 4 is:vffnull.errors.ScenarioWarning")
+@pytest.mark.filterwarnings("ignore:obstacles. link . is:vffnull.errors.ScenarioWarning")
 def test_what_the_tip_does_not_press_on_is_a_collision() -> None:
     """A ball from the side through the hand that presses on a table: nothing resists it. Headline and metrics
     name the link that is in what it is not to touch, and how deep.
