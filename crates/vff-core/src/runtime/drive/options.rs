@@ -15,7 +15,7 @@ pub struct Options {
     pub seconds: Option<f64>,
     /// How long a reference is carried on without a new one \[s\], ≥ 0.
     pub patience: f64,
-    /// How long an obstacle may go unseen that [points](Exchange::update_points) or [places](Exchange::place) have come for \[s\], > 0:
+    /// How long an obstacle may go unseen that [points](super::Exchange::update_points) or [places](super::Exchange::place) have come for \[s\], > 0:
     /// then the drive ends. What was seen last counts for ever, if it is not said.
     pub sight_patience: Option<f64>,
     /// Periods per row that is kept for a file; 0 keeps none.
