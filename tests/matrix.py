@@ -432,6 +432,8 @@ def faults(result: vff.Result, options: Sequence[str], alone: vff.Result) -> Ite
     if speed.max() > 1.01 and result.headline.severity == "good":
         yield "a limit of speed is exceeded, and the headline is good"
     clearance = kept_apart(result)
+    if metrics["intrusion_link"] == arm.n - 1:
+        clearance = result.clearance  # a hand that presses is in something else
     least = np.nanmin(clearance) if clearance.size else np.inf
     if (least < -1e-9) != (result.status == "collided") and abs(least) > 1e-9:
         yield f"{result.status} with a least clearance of {1e3 * least:.3g} mm"

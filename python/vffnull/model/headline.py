@@ -159,7 +159,7 @@ def _contacts(facts: Mapping[str, Number], arm: Arm) -> Iterator[Finding]:
     """With obstacles, and among the arm's own links."""
     first, depth = facts.get("collision_time"), facts.get("intrusion_depth")
     if first is not None and depth is not None:
-        link = facts.get("intrusion_link", facts["min_clearance_link"])  # as files of before had it
+        link = facts.get("intrusion_link", facts.get("min_clearance_link"))  # as files of before had it
         text = f"{_link(arm, link)} was up to {_length(depth)} inside an obstacle"
         yield Finding("collided", "bad", text + _when(first, facts["intrusion_time"]))
     first, least = facts.get("self_collision_time"), facts.get("min_self_clearance")

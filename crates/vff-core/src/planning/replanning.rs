@@ -327,8 +327,9 @@ where
         // for, but not for ever.
         let plan = moment.reference.joints();
         let is_over = plan.is_none_or(|plan| moment.pace.time >= plan.span()[1]);
-        let [_, moving] = moment.world.parted();
-        let may_wait = is_over && !moving.is_empty() && self.waits < WAITS;
+        let (world, now) = (moment.world, moment.world.time());
+        let moves = (0..world.len()).any(|j| !world.rests_at(j, now));
+        let may_wait = is_over && moves && self.waits < WAITS;
         if may_wait && self.is_straight(&task, moment) {
             self.waits += 1;
             self.wait[0] = moment.t + self.settings.patience;
@@ -345,7 +346,8 @@ where
             (Task { start: here, ..task.clone() }, there)
         });
         // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
-        let whatever_moves = reason != Reason::Blocked && !moving.is_empty();
+        let whatever_moves =
+            reason != Reason::Blocked && (0..world.len()).any(|j| !world.stands_still(j));
         let search = move || {
             // Beyond what is in the way there is no way around it.
             let from_plan = from_plan.filter(|(here, there)| here.is_straight(there));

@@ -137,6 +137,10 @@ impl Snapshot<'_> {
 
     /// Whether a link is inside an obstacle that it is not to touch.
     pub fn collides(&self) -> bool {
-        self.room().any(|distance| distance < 0.0)
+        let is_in = |any: bool, distance: &f64| any | (*distance < 0.0);
+        match (self.unpressed, self.clearance) {
+            (Some(room), [others @ .., _]) => others.iter().fold(room < 0.0, is_in),
+            (_, all) => all.iter().fold(false, is_in),
+        }
     }
 }

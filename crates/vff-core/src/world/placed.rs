@@ -266,7 +266,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         turn.place(&found, state)
     }
 
-    /// How far a body is at least; see [`ObstacleGeometry::at_least`].
+    /// How far a body is at least; see [`ObstacleGeometry::at_least`], but that `plane` has the axes of the world.
     pub(super) fn at_least(
         &self,
         hull: Option<&PlacedHull<'_, D>>,
@@ -279,13 +279,15 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             return self.geometry.at_least(hull, around, state, limit, plane);
         };
         let (around, rest) = (Self::seen(around, &state.position, turn), state.own_frame());
-        let Some(hull) = hull else {
-            return self.geometry.at_least(None, &around, &rest, limit, plane);
-        };
-        let rotation = turn.rotation.tr_mul(hull.rotation);
-        let position = turn.rotation.tr_mul(&(hull.position - state.position));
-        let hull = PlacedHull { hull: hull.hull, rotation: &rotation, position };
-        self.geometry.at_least(Some(&hull), &around, &rest, limit, plane)
+        let rotation = hull.map(|hull| turn.rotation.tr_mul(hull.rotation));
+        let hull = hull.zip(rotation.as_ref()).map(|(hull, rotation)| {
+            let position = turn.rotation.tr_mul(&(hull.position - state.position));
+            PlacedHull { hull: hull.hull, rotation, position }
+        });
+        *plane = turn.rotation.tr_mul(plane);
+        let distance = self.geometry.at_least(hull.as_ref(), &around, &rest, limit, plane);
+        *plane = turn.rotation * *plane;
+        distance
     }
 
     /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds, were the obstacle in this state and

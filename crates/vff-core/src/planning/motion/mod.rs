@@ -237,10 +237,11 @@ where
         }
     }
 
-    /// Whether the straight motion to `end` touches nothing that stands still.
+    /// Whether the straight motion to `end` touches nothing that rests at present.
     pub fn is_straight(&self, end: &[f64]) -> bool {
         let Self { arm, world, keeps_apart, start, .. } = self;
-        let mut space = FreeSpace::new(arm.state(), world, None, *keeps_apart, 0.0);
+        let now = Some(Window { start: world.time(), duration: None });
+        let mut space = FreeSpace::new(arm.state(), world, now, *keeps_apart, 0.0);
         space.is_free_between(start, end)
     }
 }

@@ -224,6 +224,7 @@ where
         let adds_gravity = self.command.gravity == Gravity::Controller;
         let [_, end] = spline.span();
         let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
+        let mut tip = [[0.0; 3]; 2];
         for k in 0..=checks {
             interrupt::checkpoint(64 * n);
             let t = end * f64::from(k) / f64::from(checks);
@@ -237,8 +238,12 @@ where
             }
             if has_tip {
                 let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
-                let over = goes.into_iter().zip(bounds.tip).map(|(v, most)| (v / most).powi(2));
-                most = over.fold(most, f64::max);
+                for (part, limit) in bounds.tip.iter().enumerate() {
+                    let last = &mut tip[part];
+                    last.rotate_left(1);
+                    last[2] = goes[part] / limit;
+                    most = most.max(between(last).powi(2));
+                }
             }
             if !bounds.rate.is_empty() {
                 robot.gravity_torque(&mut gravity);
@@ -255,6 +260,13 @@ where
         }
         most.max(longer * longer)
     }
+}
+
+/// The most that a quantity comes to about three samples of it, by the parabola through them where the one in the middle is the largest.
+fn between([a, b, c]: &[f64; 3]) -> f64 {
+    let (slope, bend) = (0.5 * (c - a), 2.0 * b - a - c);
+    let top = if b >= a && b >= c && bend > 0.0 { b + 0.5 * slope * slope / bend } else { *b };
+    top.max(*c)
 }
 
 #[cfg(test)]

@@ -38,6 +38,29 @@ impl Default for Options {
 }
 
 /// Why there is no such drive.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::AnyController;
+/// use vff_core::runtime::drive::{DriveError, Loop, Options, SimulatedRobot};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let robot = SimulatedRobot::new(&scenario, 10.0, None)?;
+/// let controller = AnyController::from_scenario(&scenario)?;
+/// let refused = Loop::new(robot, controller, Options { rate: 10.0, ..Options::default() });
+/// assert!(matches!(refused.map(drop), Err(DriveError::Begin(_)))); // its damping is unstable at 10 Hz
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DriveError {
     /// The law is not for this rate.

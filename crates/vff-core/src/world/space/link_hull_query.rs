@@ -70,6 +70,7 @@ impl SpatialGeometry {
         let (mut least, pair) = (f64::NAN, Pair::default());
         let visit = &mut |found: &Contact<3>| least = found.distance;
         self.visit_hull(pair, hull, around, state, Asked::Nearest, visit);
+        *plane = Vector::zeros(); // that of the capsule tells nothing of this distance
         least
     }
 
