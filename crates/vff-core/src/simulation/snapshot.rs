@@ -137,10 +137,10 @@ impl Snapshot<'_> {
 
     /// Whether a link is inside an obstacle that it is not to touch.
     pub fn collides(&self) -> bool {
-        let is_in = |any: bool, distance: &f64| any | (*distance < 0.0);
-        match (self.unpressed, self.clearance) {
-            (Some(room), [others @ .., _]) => others.iter().fold(room < 0.0, is_in),
-            (_, all) => all.iter().fold(false, is_in),
-        }
+        let (links, is_in) = match self.unpressed {
+            None => (self.clearance.len(), false),
+            Some(room) => (self.clearance.len() - 1, room < 0.0),
+        };
+        self.clearance.iter().take(links).fold(is_in, |any, distance| any | (*distance < 0.0))
     }
 }

@@ -152,8 +152,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// Where the tip is to press on something, how near its link is to all else \[m\].
+    #[inline]
     fn unpressed(&self) -> Option<f64> {
-        self.controller().gains().touch.force.as_ref()?;
+        let presses = self.controller().gains().touch.force.is_some();
+        presses.then(|| self.least_unpressed())
+    }
+
+    #[inline(never)]
+    fn least_unpressed(&self) -> f64 {
         let robot = self.true_robot();
         let mut least = f64::INFINITY;
         let mut look = |contact: &Contact<D>| {
@@ -165,7 +171,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         if self.truth.is_some() {
             self.stack.world.for_each_hidden(robot.bodies(), &mut look);
         }
-        Some(least)
+        least
     }
 
     /// What the joints can do.
