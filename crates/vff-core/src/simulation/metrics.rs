@@ -341,14 +341,15 @@ impl Metrics {
     }
 
     fn clearance(&mut self, s: &Snapshot<'_>) {
-        for (link, &distance) in s.clearance.iter().enumerate() {
-            if distance < self.min_clearance {
-                self.min_clearance = distance;
-                self.min_clearance_time = s.t;
-                self.min_clearance_link = link;
-            }
+        let nearer = |least: f64, d: &f64| if *d < least { *d } else { least };
+        let least = s.clearance.iter().fold(f64::INFINITY, nearer);
+        if least < self.min_clearance {
+            let link = s.clearance.iter().position(|distance| *distance <= least);
+            self.min_clearance = least;
+            self.min_clearance_time = s.t;
+            self.min_clearance_link = link.unwrap_or(0);
         }
-        if s.collides() {
+        if least < 0.0 && s.collides() {
             self.collision_time.get_or_insert(s.t);
             self.intrusion_samples += 1;
             for (link, room) in s.room().enumerate() {
