@@ -490,6 +490,31 @@ def test_a_robot_that_falls_silent() -> None:
     assert loop.cycle() == "lost"
 
 
+def test_what_held_an_arm_goes_when_it_is_not_heard_of_any_more() -> None:
+    """It was pushed while it was held: a spring and what is against its motion are not sent blindly, and
+    nothing but what carries its weight once it is released.
+    """
+    arm, q0 = vff.Arm.named("panda"), np.array([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8])
+    settings = {"stiffness": 100.0, "damping": 20.0, "command": {"gravity": "robot"}}
+    loop = vff.Controller(arm, settings)
+    loop.begin(1e-3)
+    for k in range(700):
+        loop.cycle(1e-3 * k, q0, np.zeros(7))
+    loop.stop()
+    push = 0.15 / 0.4 * np.eye(7)[0]
+    for k in range(400):
+        pushed, phase = loop.cycle(0.7 + 1e-3 * k, q0 + 1e-3 * k * push, push)
+    assert phase == "stopping" and np.abs(pushed).max() > 10.0
+    sent: dict[str, list[Any]] = {}
+    for _ in range(1500):
+        tau, phase = loop.cycle(None, None, None)
+        sent.setdefault(phase, []).append(tau)
+    assert list(sent) == ["holding", "damping", "released", "lost"]
+    damped = np.abs(np.array(sent["damping"]))
+    assert damped[0].max() < 0.8 * np.abs(pushed).max() and damped[-1].max() < 0.1
+    assert not np.any(sent["released"]) and not np.any(sent["lost"])
+
+
 def test_questions_do_not_move_an_arm() -> None:
     """What is asked of a controller with other states leaves the arm that its loop damps where it is."""
     loop = Loop()

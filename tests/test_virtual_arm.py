@@ -122,6 +122,23 @@ def test_one_wild_reading_is_none_of_the_robot(model: str, far: float) -> None:
     assert [arm.step(0.6, target, q=said, dq=np.zeros(7))[3] for _ in range(2)] == ["following", "rejoining"]
 
 
+def test_a_loop_of_torques_before_changes_nothing() -> None:
+    """Barriers know what set points can: a ball in the way is kept from as by a controller that is new."""
+    settings = {"stiffness": 400.0, "damping": 40.0, "avoidance": "cbf", "command": {"gravity": "robot"}}
+    ball, target = vff.Obstacle.sphere([0.6, 0.0, 0.45], 0.1), [0.6, 0.0, 0.45]
+    ways = []
+    for is_new in (True, False):
+        controller = vff.Controller(vff.Arm.named("panda"), settings)
+        if not is_new:
+            controller.begin(PERIOD)
+            controller.cycle(0.0, READY, np.zeros(7))
+        arm = vff.VirtualArm(controller, READY, PERIOD, acceleration=2.0, jerk=40.0)
+        way = [arm.step(PERIOD * k, x_ref=target, obstacles=[ball])[0] for k in range(1500)]
+        ways.append(np.array(way))
+    np.testing.assert_array_equal(*ways)
+    assert vff.distances(vff.Arm.named("panda"), ways[0], np.zeros((1500, 7)), [ball]).distance.min() > 0.01
+
+
 def test_a_stop() -> None:
     arm, target = virtual(), away()
     for k in range(300):

@@ -381,6 +381,74 @@ def test_a_drive_asks_its_robot(tmp_path: Path) -> None:
         assert driven(Broken(SimulatedRobot(scenario)), tmp_path).report.status == "fault"
 
 
+class Held:
+    """A robot that stands where it was told to, paces the loop, and measures a push."""
+
+    paces, gravity = True, "robot"
+
+    def __init__(self, command: str) -> None:
+        self.command, self.push = command, 5.0
+        self.t, self.q = 0.0, np.array(PANDA["q0"], dtype=float)
+        self.told: list[Array] = []
+        self.drive: vff.Drive | None = None
+        self.known, self.act = 0, lambda k, drive: None
+
+    def read(self) -> Any:
+        if self.drive is not None:
+            self.known += 1
+            self.act(self.known, self.drive)
+        return self.t, self.q, np.zeros(7)
+
+    def external_torque(self) -> Array:
+        return np.array([0.0, -self.push, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def write(self, command: Array) -> None:
+        self.told.append(command.copy())
+        self.t += 2e-3
+        if self.command == "position":
+            self.q = command.copy()
+
+
+def test_a_robot_of_set_points_gives_way_to_what_it_measures() -> None:
+    """Nobody took in what it had been asked for."""
+    settings = {"stiffness": 100.0, "damping": 20.0, "touch": {"task": "comply"}}
+    law = vff.Controller(PANDA.arm, settings | {"observer": {"source": "measured", "bandwidth": 20.0}})
+    robot = Held("position")
+    with vff.drive(robot, law, 500.0, seconds=0.5, limits={"acceleration": 5.0, "jerk": 500.0}) as drive:
+        drive.wait()
+    assert drive.report.status == "completed", drive.report
+    assert drive.state.tau_ext_estimate[1] == pytest.approx(-5.0, abs=0.1)
+    assert np.abs(robot.q - PANDA["q0"]).max() > 0.1
+    assert (np.array(robot.told[-1]) == robot.q).all()
+
+
+def test_a_law_that_is_being_left_hears_of_the_end_of_a_push() -> None:
+    """The robot is asked as long as it has a share, though the next law does not listen."""
+    settings = {"stiffness": 100.0, "damping": 20.0, "command": {"gravity": "robot", "blend_time": 0.1}}
+    listens = {"observer": {"source": "measured", "bandwidth": 50.0}}
+    rejects = {"touch": {"task": "reject", "null_space": "reject"}}
+    robot = Held("torque")
+    law = vff.Controller(PANDA.arm, settings | listens | rejects)
+    next_law = vff.Controller(PANDA.arm, settings)
+
+    def act(k: int, drive: vff.Drive) -> None:
+        if k == 300:
+            drive.set_controller(next_law, blend=2.0)
+        if k == 350:
+            robot.push = 0.0
+        if k == 500:
+            drive.stop()
+
+    robot.act = act
+    with vff.drive(robot, law, 500.0) as drive:
+        robot.drive = drive
+        drive.wait()
+    assert drive.report.status == "stopped"
+    begun = len(robot.told) - robot.known
+    assert np.abs(robot.told[begun + 340]).max() > 3.0  # most of it is still of the law that rejects the push
+    assert np.abs(robot.told[begun + 490]).max() < 0.1
+
+
 @pytest.mark.parametrize("physics", ["own", "mujoco"])
 def test_an_emulated_robot_is_pushed(physics: Any) -> None:
     """A free arm in the emulator's body comes where the same arm in a simulation comes."""

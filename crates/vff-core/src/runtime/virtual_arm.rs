@@ -339,8 +339,9 @@ impl VirtualArm {
             let JointMotion { q: at, dq: moves, .. } = joint.motion();
             let wanted = match (self.course, measured) {
                 (Course::Following, _) => share * self.wanted[i] - brake * moves,
-                (Course::Rejoining, Some([_, dq])) => {
-                    let ddq = -rate * rate * (at - self.heard_at[i]) - 2.0 * rate * (moves - dq[i]);
+                (Course::Rejoining, measured) => {
+                    let goes = measured.map_or(0.0, |[_, dq]| dq[i]); // it stays, as far as is known
+                    let ddq = -rate * rate * (at - self.heard_at[i]) - 2.0 * rate * (moves - goes);
                     ddq * MotionLimits::behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk)
                 }
                 _ => {
@@ -386,7 +387,7 @@ impl VirtualArm {
             let waits = self.heard && self.missed >= Self::PATIENCE;
             return match self.course {
                 _ if waits || !self.is_defined() => Course::Waiting,
-                Course::Rejoining => Course::Waiting,
+                Course::Rejoining => Course::Rejoining,
                 _ => Course::Following,
             };
         }
@@ -414,9 +415,11 @@ impl VirtualArm {
 
     fn hand_out(&mut self) {
         let [q, dq, ddq] = &mut self.out;
+        // Whoever is told a velocity last keeps it.
+        let goes = if self.course == Course::Finished { 0.0 } else { 1.0 };
         for (i, joint) in self.joints.iter().enumerate() {
             let motion = joint.motion();
-            (q[i], dq[i], ddq[i]) = (motion.q, motion.dq, motion.ddq);
+            (q[i], dq[i], ddq[i]) = (motion.q, goes * motion.dq, goes * motion.ddq);
         }
     }
 }

@@ -61,6 +61,19 @@ impl Hold {
         self.torque.fill(0.0);
     }
 
+    /// No states come any more: what is left is the load that was taken over, and nothing against a motion or a push that may be over.
+    pub fn leave_motion<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        if !self.holds {
+            return;
+        }
+        let integral = self.pole.powi(3);
+        self.deceleration.iter_mut().zip(&self.sum).for_each(|(out, sum)| *out = integral * sum);
+        robot.mass_mul(&self.deceleration, &mut self.torque);
+        self.torque.iter_mut().for_each(|tau| *tau = -*tau);
+        let within = self.share_within(robot);
+        self.torque.iter_mut().for_each(|tau| *tau *= within);
+    }
+
     /// The torque beside gravity and damping \[N·m, N\].
     pub fn torque(&self) -> &[f64] {
         &self.torque

@@ -408,7 +408,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         let sharpest = SHARPEST.min(1.0 / self.period); // held over a period, more would turn the arm round
         let d = self.damping.max(damping_before_stops(&self.robot, sharpest));
         self.hold.update(&self.robot, d);
-        self.want_damping(d);
+        self.want_damping(d, 1.0);
         if !self.brakes && self.output.has_rate() {
             // Behind a rate the torques come one after the other to where they damp the arm, and throw joints on the way. What
             // stops keeps to itself: it gives way to nothing.
@@ -462,7 +462,10 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             (self.phase, self.has_sent) = (phase, true);
             return phase;
         }
-        self.damp_as(phase, left * self.damping)
+        if self.missed == self.missed_cycles {
+            self.hold.leave_motion(&self.robot);
+        }
+        self.damp_as(phase, left)
     }
 
     /// What was sent last is sent again.
@@ -476,20 +479,23 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     fn damp_here(&mut self, phase: Phase, d: f64) -> Phase {
         self.place();
         self.hold.update(&self.robot, d);
-        self.damp_as(phase, d)
-    }
-
-    /// Damps the arm at the last state; the torque of the law is blended in anew after that.
-    fn damp_as(&mut self, phase: Phase, d: f64) -> Phase {
-        self.want_damping(d);
+        self.want_damping(d, 1.0);
         self.send_damping(phase)
     }
 
-    fn want_damping(&mut self, d: f64) {
+    /// Damps the arm at the last state by what is `left` of that, from 0 to 1; the torque of the law is blended in anew after that.
+    fn damp_as(&mut self, phase: Phase, left: f64) -> Phase {
+        self.want_damping(left * self.damping, left);
+        self.send_damping(phase)
+    }
+
+    /// With so much of what the arm was known to carry, from 0 to 1: what was a push may be over.
+    fn want_damping(&mut self, d: f64, known: f64) {
         self.place();
         let Self { beside, carried, hold, .. } = self;
-        let known = carried.iter().zip(hold.torque());
-        beside.iter_mut().zip(known).for_each(|(out, (carried, hold))| *out = carried + hold);
+        let held =
+            carried.iter().zip(hold.torque()).map(|(carried, hold)| known * (carried + hold));
+        beside.iter_mut().zip(held).for_each(|(out, held)| *out = held);
         self.output.damp(&self.robot, d, &self.beside);
     }
 

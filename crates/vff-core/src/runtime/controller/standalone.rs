@@ -409,8 +409,8 @@ where
     fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
         self.step_aside();
         let elapsed = self.observe_at(q, dq, self.loop_time(t));
-        // A loop of the caller's own, where none is watched.
-        if self.supervisor.is_none() {
+        // A loop of the caller's own, or of set points, where none is watched.
+        if self.aside.is_none() {
             let Self { controller, fading, .. } = self;
             if let Some(fading) = fading.as_mut().filter(|fading| fading.is_left()) {
                 fading.controller.hear(None, &controller.torque().total, Some(elapsed));

@@ -297,8 +297,10 @@ impl Exchange {
         let has_same_tip = mirror.succeed(&mut next.clone(), 0.0)?;
         let mut new = Some((next, blend.max(0.0)));
         self.send(|inbox| {
+            // The mirror leads what waits already, which the loop never does where this takes its place.
+            let is_waiting = inbox.law.is_some() && inbox.of_other_tip.law;
+            inbox.of_other_tip.law = is_waiting || !has_same_tip;
             swap(&mut inbox.law, &mut new);
-            inbox.of_other_tip.law = !has_same_tip;
         });
         Ok(())
     }

@@ -27,6 +27,7 @@ impl Inner {
                 && let Some((mut next, blend)) = law.take()
             {
                 let rests = !*has_target;
+                let has_sensed = controller.senses();
                 match controller.succeed(&mut next, blend) {
                     // Where nobody has said where the end effector is to be, its other tip stays where it is, too.
                     Ok(false) if rests => {
@@ -37,7 +38,7 @@ impl Inner {
                     }
                     done => debug_assert!(done.is_ok(), "{done:?}"), // it was tried on the mirror
                 }
-                *senses = controller.senses();
+                *senses = controller.senses() || has_sensed; // also for the law that is being left
                 old.law = Some(next);
             }
             for (j, points) in &mut *points {

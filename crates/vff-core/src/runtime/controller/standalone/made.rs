@@ -93,6 +93,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// From now on the joints are moved within these limits, or, without any, by the torque. Forgets the past.
     pub(super) fn move_within(&mut self, limits: Option<&MotionLimits>) {
+        if limits.is_some() {
+            self.come_back();
+            self.aside = None; // a loop of torques that was watched over before is over
+        }
         // A plan that is followed was made within them, and what stands around is counted in it.
         let free = !self.followed.as_ref().is_some_and(|followed| followed.has_plans());
         let moved = limits.filter(|_| free).cloned();

@@ -59,7 +59,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         swap(&mut self.arm, &mut next.arm);
         swap(&mut self.settings, &mut next.settings);
         swap(&mut self.reach, &mut next.reach);
-        swap(&mut self.aside, &mut next.aside);
+        if self.aside.is_some() {
+            swap(&mut self.aside, &mut next.aside);
+        }
         self.left_out = self.left_out.with(fading.controller.left_out());
         self.keep_time();
         let Self { controller, world, supervisor, settings, .. } = self;
