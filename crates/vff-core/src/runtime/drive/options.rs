@@ -51,6 +51,7 @@ impl Default for Options {
 ///     duration = 1.0
 ///     q0 = [0.4, 0.5, -0.6]
 ///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     controller = { stiffness = 900.0, damping = 60.0 }
 ///     reference = { kind = "setpoint", point = [1.2, 0.5] }
 ///     "#,
 /// )?;
