@@ -21,7 +21,6 @@ from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
 from strategies import random_arm
 from vffnull import Arm, _core, arms, plan, simulate
-from vffnull.arms._export import to_mjcf
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
 mujoco = pytest.importorskip("mujoco")
@@ -678,7 +677,7 @@ def test_mjcf_of_a_base_that_is_called_world_and_a_site_that_is_called_as_its_bo
     document = {**tcp, "base": "world", "ignore": [["world", "a"]]}
     for pair in document["collision"]:
         pair["link"] = pair["link"].replace("stand", "world")
-    model = mujoco.MjModel.from_xml_string(to_mjcf(document))
+    model = mujoco.MjModel.from_xml_string(arms.to_mjcf(document))
     assert model.body(1).name == "base" and model.nexclude == 1
 
 

@@ -178,8 +178,11 @@ class _Reader:
             if driver < 0 or any(rest):
                 continue
             at, of = (float(model.qpos0[int(model.jnt_qposadr[joint])]) for joint in (follower, driver))
-            name = self._name("JOINT", driver) or f"joint {driver}"
-            found[follower] = {"joint": name, "multiplier": slope, "offset": at + constant - slope * of}
+            found[follower] = {
+                "joint": self._joint_name(driver),
+                "multiplier": slope,
+                "offset": at + constant - slope * of,
+            }
         return found
 
     def tree(self) -> dict[str, Any]:
@@ -230,6 +233,9 @@ class _Reader:
     def _body(self, body: int) -> str:
         return self._name("BODY", body) or f"body {body}"
 
+    def _joint_name(self, joint: int) -> str:
+        return self._name("JOINT", joint) or f"joint {joint}"
+
     def _link(self, body: int, anchor: Array) -> dict[str, Any]:
         model = self._model
         rotation = matrix(model.body_iquat[body])
@@ -273,7 +279,7 @@ class _Reader:
         kind, axis = int(model.jnt_type[i]), model.jnt_axis[i]
         address = int(model.jnt_dofadr[i])
         joint: dict[str, Any] = {
-            "name": self._name("JOINT", i) or f"joint {i}",
+            "name": self._joint_name(i),
             "parent": parent,
             "child": child,
         }
@@ -315,11 +321,12 @@ class _Reader:
         one_way = min(-low, high) <= 0.0
         torque = float(max(-low, high) if one_way else min(-low, high))
         if not math.isclose(-low, high, rel_tol=1e-9):
-            name = self._name("JOINT", joint) or f"joint {joint}"
             what = (
                 "they push one way alone, and the law reckons with both" if one_way else "the less is taken"
             )
-            self._warnings.append(f"the actuators of `{name}` give {low:g} to {high:g}: {what}")
+            self._warnings.append(
+                f"the actuators of `{self._joint_name(joint)}` give {low:g} to {high:g}: {what}"
+            )
         return torque if math.isfinite(torque) else 0.0
 
     def _of_motor(self, motor: int) -> tuple[float, float]:

@@ -137,10 +137,6 @@ impl Snapshot<'_> {
 
     /// Whether a link is inside an obstacle that it is not to touch.
     pub fn collides(&self) -> bool {
-        let (links, is_in) = match self.unpressed {
-            None => (self.clearance.len(), false),
-            Some(room) => (self.clearance.len() - 1, room < 0.0),
-        };
-        self.clearance.iter().take(links).fold(is_in, |any, distance| any | (*distance < 0.0))
+        self.room().any(|distance| distance < 0.0)
     }
 }

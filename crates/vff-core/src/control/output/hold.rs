@@ -68,10 +68,7 @@ impl Hold {
         }
         let integral = self.pole.powi(3);
         self.deceleration.iter_mut().zip(&self.sum).for_each(|(out, sum)| *out = integral * sum);
-        robot.mass_mul(&self.deceleration, &mut self.torque);
-        self.torque.iter_mut().for_each(|tau| *tau = -*tau);
-        let within = self.share_within(robot);
-        self.torque.iter_mut().for_each(|tau| *tau *= within);
+        self.exert(robot);
     }
 
     /// The torque beside gravity and damping \[N·m, N\].
@@ -97,12 +94,8 @@ impl Hold {
             self.begin_at(q, dq);
         }
         self.ask(q, dq, d);
-        robot.mass_mul(&self.deceleration, &mut self.torque);
-        self.torque.iter_mut().for_each(|tau| *tau = -*tau);
-        let within = self.share_within(robot);
-        if within < 1.0 {
+        if self.exert(robot) < 1.0 {
             // What pushes harder moves the arm, which is held where it comes to then.
-            self.torque.iter_mut().for_each(|tau| *tau *= within);
             self.begin_at(q, dq);
         } else {
             let deviations = q.iter().zip(&self.way);
@@ -131,6 +124,17 @@ impl Hold {
         {
             *out = sharper * (dq - *speed) + spring * (q - way) + integral * *sum;
         }
+    }
+
+    /// Makes the torque that decelerates so, as far as it is within the strength of the hold. How much of it that is.
+    fn exert<R: Robot<D>, const D: usize>(&mut self, robot: &R) -> f64 {
+        robot.mass_mul(&self.deceleration, &mut self.torque);
+        self.torque.iter_mut().for_each(|tau| *tau = -*tau);
+        let within = self.share_within(robot);
+        if within < 1.0 {
+            self.torque.iter_mut().for_each(|tau| *tau *= within);
+        }
+        within
     }
 
     /// How much of the torque is within the strength of the hold.
