@@ -6,7 +6,7 @@ mod farthest;
 
 pub use build::{HullError, MAX_CORNERS, check_hull, faces_of_hull};
 
-use farthest::Columns;
+use farthest::Farthest;
 
 use super::axis::{Nearest, PARALLEL, Probe, within};
 use super::segment::{Feet, between, feet};
@@ -28,7 +28,7 @@ use crate::math::{Capsule, Feature, TOUCHING, Vector};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull<const D: usize = 3> {
     pub(crate) corners: Vec<Corner<D>>,
-    columns: Columns,
+    farthest: Farthest,
     pub(crate) edges: Vec<Edge<D>>,
     /// At most as many as there are bits in [`Facing`].
     pub(crate) faces: Vec<Face<D>>,

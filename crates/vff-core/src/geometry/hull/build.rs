@@ -3,7 +3,7 @@
 //! parry says which triangles the hull consists of. What lies in one plane is made one face here: a diagonal across the
 //! side of a box is no edge, and a point in the middle of it no corner.
 
-use super::farthest::Columns;
+use super::farthest::Farthest;
 use super::{Corner, Edge, Face, Facing, Hull};
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -364,8 +364,9 @@ impl<'a> Faces<'a> {
             edges.push(Edge { line, ends: [a, b], faces: [one, other], into });
         }
         let scale = given.iter().fold(size, |most, p| most.max(p.amax()));
-        let columns = Columns::of(corners.iter().map(|corner| corner.point));
-        let hull = Hull { corners, columns, edges, faces, slack: 1e-9 * scale };
+        let points: Vec<_> = corners.iter().map(|corner| corner.point).collect();
+        let farthest = Farthest::of(&points);
+        let hull = Hull { corners, farthest, edges, faces, slack: 1e-9 * scale };
         if hull.is_closed() && given.iter().all(|p| hull.holds(p)) {
             Ok(hull)
         } else {
@@ -383,7 +384,8 @@ impl Hull {
             turn(point);
             along.iter_mut().for_each(turn);
         }
-        self.columns = Columns::of(self.corners.iter().map(|corner| corner.point));
+        let points: Vec<_> = self.corners.iter().map(|corner| corner.point).collect();
+        self.farthest = Farthest::of(&points);
         for Edge { line, into, .. } in &mut self.edges {
             turn(&mut line.start);
             turn(&mut line.direction);

@@ -1,68 +1,143 @@
 //! The corner of a hull that is farthest along a direction: what a search for a plane between two hulls asks most.
+//!
+//! Directions fall into the cells of a cube around the origin. In each of them few corners can be the farthest, and these are known
+//! beforehand: the others are behind one of them along every direction of the cell, as they are along its four edges.
 
 use super::Hull;
 use crate::math::Vector;
-use wide::f64x2;
+use std::sync::Arc;
 
-/// The corners of a hull two by two, a coordinate each; where one is missing, the first again.
+/// Cells along an edge of the cube.
+const CELLS: usize = 4;
+/// How far a cell reaches into the next ones, for what rounding makes of a direction.
+const BEYOND: f64 = 1e-6;
+/// What rounding may make of how far ahead a corner is, in parts of the largest coordinate.
+const ROUNDING: f64 = 1e-13;
+
+/// Which corners may be the farthest.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Columns(Vec<[f64x2; 3]>);
+pub(crate) struct Farthest {
+    /// Where those of each cell begin, one cell after the other, and where the last ends.
+    begins: Arc<[u16]>,
+    /// Their numbers, ascending in each cell.
+    corners: Arc<[u8]>,
+}
 
-impl Columns {
-    pub fn of(corners: impl ExactSizeIterator<Item = Vector<3>>) -> Self {
-        let corners: Vec<Vector<3>> = corners.collect();
-        let pair = |pair: &[Vector<3>]| {
-            let (one, other) = (pair[0], *pair.get(1).unwrap_or(&corners[0]));
-            [0, 1, 2].map(|k| f64x2::new([one[k], other[k]]))
-        };
-        Self(corners.chunks(2).map(pair).collect())
+impl Farthest {
+    /// Of `corners`, at most as many as a hull may have.
+    pub fn of(corners: &[Vector<3>]) -> Self {
+        let slack =
+            ROUNDING * corners.iter().fold(0.0, |most: f64, corner| most.max(corner.amax()));
+        let (mut begins, mut those) = (vec![0], vec![]);
+        for cell in 0..6 * CELLS * CELLS {
+            let edges = edges_of(cell);
+            let ahead = |corner: &Vector<3>| edges.map(|edge| corner.dot(&edge));
+            let leaders = edges.map(|edge| {
+                let farther = |a, b| if edge.dot(b) > edge.dot(a) { b } else { a };
+                corners.iter().reduce(farther).map(ahead)
+            });
+            let is_behind = |corner: &Vector<3>| {
+                let own = ahead(corner);
+                let is_before =
+                    |leader: &[f64; 4]| leader.iter().zip(own).all(|(far, own)| *far > own + slack);
+                leaders.iter().flatten().any(is_before)
+            };
+            those.extend((0u8..).zip(corners).filter(|(_, c)| !is_behind(c)).map(|(k, _)| k));
+            begins.push(u16::try_from(those.len()).expect("6144 at most"));
+        }
+        Self { begins: begins.into(), corners: those.into() }
     }
+}
+
+/// Directions along the edges of a cell: all others in it are sums of them.
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn edges_of(cell: usize) -> [Vector<3>; 4] {
+    let (side, place) = (cell / (CELLS * CELLS), cell % (CELLS * CELLS));
+    let axis = side / 2;
+    let at = |k: usize| 2.0 * k as f64 / CELLS as f64 - 1.0;
+    let ends = |k: usize| [at(k) - BEYOND, at(k + 1) + BEYOND];
+    let [us, vs] = [ends(place / CELLS), ends(place % CELLS)];
+    [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, j)| {
+        let mut edge = Vector::zeros();
+        edge[axis] = if side.is_multiple_of(2) { 1.0 } else { -1.0 };
+        edge[(axis + 1) % 3] = us[i];
+        edge[(axis + 2) % 3] = vs[j];
+        edge
+    })
+}
+
+/// The cell of a direction; any where it has none.
+#[inline]
+fn cell_of(direction: &Vector<3>) -> usize {
+    let axis = direction.iamax();
+    let along = direction[axis];
+    let scale = 0.5 * CELLS as f64 / along.abs();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the cube")]
+    let place = |k: usize| {
+        let at = direction[(axis + k) % 3] * scale + 0.5 * CELLS as f64;
+        (at as usize).min(CELLS - 1)
+    };
+    let side = 2 * axis + usize::from(along < 0.0);
+    (side * CELLS + place(1)) * CELLS + place(2)
 }
 
 impl Hull {
     /// The number of its corner that is farthest along a direction, the first of several.
+    #[inline]
     pub(crate) fn farthest_corner(&self, direction: &Vector<3>) -> usize {
-        let along = [0, 1, 2].map(|k| f64x2::splat(direction[k]));
-        let two = f64x2::splat(2.0);
-        let mut number = f64x2::new([0.0, 1.0]);
-        let (mut most, mut best) = (f64x2::splat(f64::NEG_INFINITY), number);
-        for [x, y, z] in &self.columns.0 {
-            let ahead = *x * along[0] + *y * along[1] + *z * along[2];
-            let is_farther = ahead.simd_gt(most);
-            most = is_farther.select(ahead, most);
-            best = is_farther.select(number, best);
-            number += two;
+        let cell = cell_of(direction);
+        let [from, to] = [cell, cell + 1].map(|k| usize::from(self.farthest.begins[k]));
+        let (mut most, mut best) = (f64::NEG_INFINITY, 0);
+        for number in &self.farthest.corners[from..to] {
+            let ahead = direction.dot(&self.corners[usize::from(*number)].point);
+            if ahead > most {
+                (most, best) = (ahead, usize::from(*number));
+            }
         }
-        let ([a, b], [i, k]) = (most.to_array(), best.to_array());
-        let found = if b > a || (b >= a && k < i) { k } else { i };
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a number of a corner"
-        )]
-        let found = found as usize;
-        // Where the last has no neighbour the first stands beside it.
-        if found < self.corners.len() { found } else { 0 }
+        best
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::cases::any_vertices;
+    use crate::geometry::cases::{any_vertices, directions};
     use proptest::prelude::*;
 
+    fn is_the_first(hull: &Hull, along: &Vector<3>) -> bool {
+        let ahead: Vec<f64> = hull.corners.iter().map(|c| along.dot(&c.point)).collect();
+        let most = ahead.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        ahead.iter().position(|ahead| *ahead >= most) == Some(hull.farthest_corner(along))
+    }
+
     proptest! {
-        /// None is farther, and of the ones as far it is the first, whatever their number.
+        /// None is farther, and of the ones as far it is the first: along any direction, those between two cells, and those
+        /// along which a face lies.
         #[test]
-        fn none_is_farther(vertices in any_vertices(), along in [-1.0..1.0, -1.0..1.0, -1.0..1.0]) {
-            let hull = Hull::new(&vertices).unwrap();
-            for along in [Vector::from(along), Vector::<3>::z(), hull.faces[0].normal] {
-                let ahead: Vec<f64> = hull.corners.iter().map(|c| along.dot(&c.point)).collect();
-                let most = ahead.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                let first = ahead.iter().position(|ahead| *ahead >= most).unwrap();
-                prop_assert_eq!(hull.farthest_corner(&along), first);
+        fn none_is_farther(
+            vertices in any_vertices(), away in [-9.0..9.0, -9.0..9.0, -9.0..9.0],
+            along in [-1.0..1.0, -1.0..1.0, -1.0..1.0], lattice in [-4i8..5, -4i8..5, -4i8..5],
+        ) {
+            for by in [Vector::zeros(), Vector::from(away)] {
+                let moved: Vec<[f64; 3]> =
+                    vertices.iter().map(|p| (Vector::from(*p) + by).into()).collect();
+                let Ok(hull) = Hull::new(&moved) else { continue };
+                let between = Vector::from(lattice.map(f64::from));
+                let faces = hull.faces.iter().flat_map(|face| [face.normal, -face.normal]);
+                for along in faces.chain([along.into(), Vector::<3>::z(), between]) {
+                    prop_assert!(along.norm() == 0.0 || is_the_first(&hull, &along), "{along}");
+                }
             }
         }
+    }
+
+    /// Of the most corners that there may be, few are asked.
+    #[test]
+    fn few_may_be_the_farthest() {
+        let ball: Vec<[f64; 3]> = directions(64).map(Into::into).collect();
+        let hull = Hull::new(&ball).unwrap();
+        assert!(directions(5000).all(|along| is_the_first(&hull, &along)));
+        let cells = hull.farthest.begins.len() - 1;
+        assert!(hull.farthest.corners.len() < 8 * cells, "{}", hull.farthest.corners.len());
     }
 }
