@@ -216,6 +216,7 @@ fn quadratic_program(c: &mut Criterion) {
                 normals: &normals,
                 bounds: &bounds,
                 softness: &softness,
+                spared: 0,
             };
             assert_eq!(program.solve(&problem), Outcome::Solved);
             group.bench_function(BenchmarkId::new(name, rows), |b| {

@@ -470,3 +470,53 @@ def test_rerun(result: vff.Result, tmp_path: Any) -> None:
     pytest.importorskip("rerun")
     result.save(tmp_path / "run.rrd")
     assert (tmp_path / "run.rrd").stat().st_size > 1000
+
+
+def ball_of_points(radius: float, count: int) -> dict[str, Any]:
+    """A ball as a cloud: small balls evenly over its surface."""
+    height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angle, ring, small = 2.399963 * np.arange(count), np.sqrt(1.0 - height**2), 0.01
+    points = (radius - small) * np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
+    return {"kind": "points", "points": points.tolist(), "radius": small}
+
+
+@pytest.mark.parametrize("way", ["cbf", "priority"])
+@pytest.mark.filterwarnings("ignore:the torque chatters")
+@pytest.mark.parametrize("count", [1, 60, 200])
+@pytest.mark.parametrize("command", [{"tip_speed": 0.15}, {"tip_speed": 0.15, "torque_rate": 1000.0}])
+def test_many_points_that_pass_through_an_arm_break_no_limit(
+    way: str, count: int, command: dict[str, float]
+) -> None:
+    """A ball at 0.8 m/s comes at an iiwa whose hand may move at 0.15 m/s: it is hit, by one body as by the
+    points of a cloud of it, and neither a joint nor the hand is faster than it may be.
+    """
+    shape = {"kind": "sphere", "radius": 0.1} if count == 1 else ball_of_points(0.1, count)
+    result = vff.simulate(
+        {
+            "duration": 1.5,
+            "q0": [0.0, 0.6, 0.0, -1.4, 0.0, 1.0, 0.0],
+            "arm": {"model": "iiwa14"},
+            "reference": {"kind": "setpoint"},
+            "controller": {
+                "task": "position",
+                "stiffness": 100.0,
+                "damping": 20.0,
+                "avoidance": way,
+                "command": command,
+                "field": {"kind": "bounded", "gain": 40.0, "influence": 0.2},
+            },
+            "obstacles": [
+                {
+                    "shape": shape,
+                    "position": [0.3, -0.55, 0.6],
+                    "motion": {"kind": "linear", "velocity": [0.0, 0.8, 0.0]},
+                }
+            ],
+            "simulation": {"dt": 1e-3, "control": "hold"},
+        }
+    )
+    metrics = result.metrics
+    assert metrics["velocity_limit_ratio"] < 1.02 and metrics["torque_limit_ratio"] < 1.001, metrics
+    assert metrics["tip_speed_ratio"] < 1.1, metrics["tip_speed_ratio"]  # torque limits come first
+    if count == 60:  # more than the program has room for
+        assert metrics["programs_cut"] > 0

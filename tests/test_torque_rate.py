@@ -213,3 +213,49 @@ def test_a_rate_that_is_never_needed_changes_little() -> None:
     wide = behind_a_rate("ur5e-crossed", 1e7, {})
     assert wide.metrics["min_clearance"] == pytest.approx(free.metrics["min_clearance"], abs=2e-3)
     assert np.linalg.norm(wide.error[-1, :3]) < 1e-3
+
+
+@pytest.mark.parametrize("avoidance", ["priority", "cbf"])
+@pytest.mark.parametrize("dt", [1e-3, 5e-4])
+def test_a_tip_that_is_braked_does_not_make_torques_go_to_and_fro(avoidance: str, dt: float) -> None:
+    """A disc asks for more speed than the tip may have, and drives cannot brake it at once: what is across
+    its way is bounded, too. With one plane along that, torques turned back 231 times at their full rate.
+    """
+    arm = {
+        "lengths": [0.357, 0.353, 0.315, 0.530],
+        "masses": [3.606, 2.124, 1.617, 1.818],
+        "radius": 0.03,
+        "gravity": [0.0, 0.0],
+        "joint_limits": [[-3.5, 3.5], *[[-2.4, 2.4]] * 3],
+        "velocity_limits": [3.0] * 4,
+        "torque_limits": [223.7, 104.5, 45.6, 15.1],
+    }
+    result = vff.simulate(
+        {
+            "duration": 1.5,
+            "q0": [-2.92637, -0.18048, -0.80792, 0.22312],
+            "arm": arm,
+            "reference": {"kind": "line", "end": [-1.1354, 0.3363], "duration": 1.0, "unreachable": "warn"},
+            "controller": {
+                "task": "position",
+                "stiffness": 100.0,
+                "damping": 20.0,
+                "null_damping": 3.0,
+                "avoidance": avoidance,
+                "field": {"kind": "bounded", "gain": 40.0, "influence": 0.4},
+                "command": {"torque_rate": [4470.0, 2090.0, 912.0, 302.0], "tip_speed": 0.4},
+            },
+            "obstacles": [
+                {
+                    "shape": {"kind": "circle", "radius": 0.1},
+                    "position": [-1.01524, -0.6],
+                    "motion": {"kind": "linear", "velocity": [0.40018, 0.65264]},
+                }
+            ],
+            "simulation": {"dt": dt, "control": "hold", "record_every": 1},
+        }
+    )
+    change = np.diff(result.tau, axis=0) / arm["torque_limits"]
+    back = (change[1:] * change[:-1] < 0.0) & (np.minimum(abs(change[1:]), abs(change[:-1])) > 0.01)
+    assert np.count_nonzero(back.any(axis=1)) <= 3
+    assert result.metrics["tip_speed_ratio"] < 1.01

@@ -32,6 +32,7 @@ impl Owned {
             normals: &normals,
             bounds: &self.bounds,
             softness: &self.softness,
+            spared: 0,
         });
         (outcome, solver)
     }
@@ -308,4 +309,35 @@ fn random_qps() {
 #[test]
 fn badly_scaled_qps() {
     run(4_000, 1.5, 1e-8);
+}
+
+/// Of soft constraints that may be passed over the most violated have room; the others are as if they were not there, and none that
+/// may not be passed over falls out.
+#[test]
+fn what_has_no_room_is_passed_over() {
+    let bounds = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 3.5];
+    let mut normals = DMatrix::<f64>::identity(6, 6).as_slice().to_vec();
+    normals.extend([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let solve = |bounds: &[f64], room: [usize; 2]| {
+        let hessian = DMatrix::<f64>::identity(6, 6);
+        let problem = Problem {
+            hessian: hessian.as_slice(),
+            gradient: &[0.0; 6],
+            normals: &normals,
+            bounds,
+            softness: &[1e-3; 7],
+            spared: 6,
+        };
+        let mut solver = QuadraticProgram::sparing(6, 7, room);
+        (solver.solve(&problem), solver.x().to_vec())
+    };
+    let (outcome, crowded) = solve(&bounds, [4, 3]);
+    assert_eq!(outcome, Outcome::Crowded);
+    let (outcome, fewer) = solve(&[-1.0, -1.0, -1.0, 4.0, 5.0, 6.0, 3.5], [7, 6]);
+    assert_eq!(outcome, Outcome::Solved);
+    for (a, b) in crowded.iter().zip(&fewer) {
+        assert!((a - b).abs() < 1e-12, "{crowded:?} {fewer:?}");
+    }
+    assert!(crowded[0] > 3.4 && crowded[1].abs() < 1e-12 && crowded[5] > 5.9, "{crowded:?}");
+    assert_eq!(solve(&bounds, [7, 6]).0, Outcome::Solved);
 }

@@ -127,7 +127,7 @@ pub struct LeftOut {
     pub rollouts: u64,
     /// Points of clouds that `cbf` took for implied by others because a link has no more than 64.
     pub points: u64,
-    /// Programs of `cbf` that ended with constraints left: more than 48 were violated at once, or it took too many iterations.
+    /// Programs that ended with constraints left: more than 48 distances were violated at once, or it took too many iterations.
     pub programs: u64,
 }
 

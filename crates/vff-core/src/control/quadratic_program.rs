@@ -28,6 +28,9 @@ pub struct Problem<'a> {
     pub bounds: &'a [f64],
     /// s_i ≥ 0, (m): 0 for a hard constraint.
     pub softness: &'a [f64],
+    /// So many constraints, the first, are passed over where there is no room for their δ: of those that are violated at once the
+    /// ones that are violated less.
+    pub spared: usize,
 }
 
 /// How the solution of a QP ended.
@@ -39,6 +42,8 @@ pub enum Outcome {
     Infeasible,
     /// H is not positive definite.
     NotConvex,
+    /// At its minimum without constraints for which there was no room ([`Problem::spared`]).
+    Crowded,
     /// Not finished within the allowed number of iterations or of violated soft constraints; the unknowns are those of
     /// the QP without the constraints that were not reached.
     Unfinished,
@@ -57,6 +62,7 @@ pub enum Outcome {
 ///     normals: &[1.0, 1.0],
 ///     bounds: &[2.0],
 ///     softness: &[0.0],
+///     spared: 0,
 /// };
 /// let mut program = QuadraticProgram::new(2, 1, 0);
 /// assert_eq!(program.solve(&problem), Outcome::Solved);
@@ -84,6 +90,9 @@ pub struct QuadraticProgram {
     multipliers: Vec<f64>,
     /// Which unknown is the δ of a constraint, [`UNTOUCHED`] if none yet.
     slack: Vec<usize>,
+    /// So many of the first may have one at most, and how many of them have.
+    most_spared: usize,
+    spared: usize,
     /// Constraints that the search passes over: active ones, and those that depend on active ones.
     passed: Vec<bool>,
     /// |a_i|.
@@ -102,6 +111,11 @@ const CONTRADICTS: f64 = 1e-10;
 impl QuadraticProgram {
     /// For `n` unknowns and at most so many `constraints`, `soft` of which may be violated on the way.
     pub fn new(n: usize, constraints: usize, soft: usize) -> Self {
+        Self::sparing(n, constraints, [soft, soft])
+    }
+
+    /// The same where `soft` counts all of them, and those that may be [passed over](Problem::spared).
+    pub fn sparing(n: usize, constraints: usize, [soft, most_spared]: [usize; 2]) -> Self {
         let stride = n + soft;
         Self {
             n,
@@ -115,6 +129,8 @@ impl QuadraticProgram {
             active: Vec::with_capacity(stride),
             multipliers: Vec::with_capacity(stride),
             slack: vec![UNTOUCHED; constraints],
+            most_spared,
+            spared: 0,
             passed: vec![false; constraints],
             lengths: vec![0.0; constraints],
             iterations: 0,
@@ -159,6 +175,7 @@ impl QuadraticProgram {
         assert_eq!(problem.softness.len(), m, "one softness per bound");
         self.size = n;
         self.iterations = 0;
+        self.spared = 0;
         self.active.clear();
         self.multipliers.clear();
         self.slack[..m].fill(UNTOUCHED);
@@ -172,9 +189,15 @@ impl QuadraticProgram {
         self.minimise_without_constraints(problem.gradient);
 
         let limit = 20 * (n + m) + 20;
+        let mut outcome = Outcome::Solved;
         while let Some(constraint) = self.most_violated(problem) {
             if !self.touch(constraint, problem) {
-                return Outcome::Unfinished;
+                if constraint >= problem.spared {
+                    return Outcome::Unfinished;
+                }
+                self.passed[constraint] = true;
+                outcome = Outcome::Crowded;
+                continue;
             }
             let mut multiplier = 0.0;
             loop {
@@ -215,7 +238,7 @@ impl QuadraticProgram {
             }
         }
         self.polish(problem);
-        Outcome::Solved
+        outcome
     }
 
     /// J = L⁻ᵀ with H = LLᵀ; false if H is not positive definite.
@@ -312,9 +335,11 @@ impl QuadraticProgram {
             return true;
         }
         let (new, stride) = (self.size, self.stride);
-        if new == stride {
+        let is_spared = constraint < problem.spared;
+        if new == stride || is_spared && self.spared == self.most_spared {
             return false;
         }
+        self.spared += usize::from(is_spared);
         for column in self.j.chunks_exact_mut(stride).take(new) {
             column[new] = 0.0;
         }
@@ -456,8 +481,14 @@ mod tests {
         let softness: Vec<_> = constraints.iter().map(|constraint| constraint.2).collect();
         let mut program =
             QuadraticProgram::new(gradient.len(), constraints.len(), constraints.len());
-        let problem =
-            Problem { hessian, gradient, normals: &normals, bounds: &bounds, softness: &softness };
+        let problem = Problem {
+            hessian,
+            gradient,
+            normals: &normals,
+            bounds: &bounds,
+            softness: &softness,
+            spared: 0,
+        };
         (program.solve(&problem), program)
     }
 

@@ -12,6 +12,8 @@
 //! without pairs for those that have none. How fast the tip moves and turns is
 //! kept like the speed of a joint (T114).
 
+#[cfg(test)]
+mod by_clarabel;
 mod tip;
 
 use super::joint_bounds::{Acting, JointBounds};
@@ -132,7 +134,7 @@ impl<const M: usize> TaskWeight<M> {
     }
 }
 
-/// Barriers that may be violated at one instant; beyond that the QP is left unfinished.
+/// Distances that the QP has room for where they are violated at one instant: the most violated ones. Joints and tip have their own.
 const MAX_VIOLATED: usize = 48;
 
 /// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a constraint is violated at y = 0 only if its bound is
@@ -186,6 +188,8 @@ pub(crate) struct Kept<'a, const D: usize> {
     pub own: &'a [OwnPair<D>],
     /// What the drives accept next, behind a limit of the torque rate.
     pub range: Option<&'a TorqueRange>,
+    /// Between which the torque of the law may be without one \[N·m, N\].
+    pub ends: &'a [[f64; 2]],
 }
 
 impl Barrier {
@@ -197,7 +201,11 @@ impl Barrier {
         let reserve = Reserve::of(gains);
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
-            program: QuadraticProgram::new(n, 0, MAX_VIOLATED),
+            program: QuadraticProgram::sparing(
+                n,
+                0,
+                [MAX_VIOLATED + 2 * n + 2 * (1 + CUTS), MAX_VIOLATED],
+            ),
             nominal: zeros(n),
             present: zeros(n),
             mass: zeros(n * n),
@@ -321,7 +329,7 @@ impl Barrier {
         self.soften();
         self.ends.clear();
         match kept.range {
-            None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
+            None => self.ends.extend_from_slice(kept.ends),
             Some(TorqueRange { lower, upper, .. }) => {
                 self.ends.extend(lower.iter().zip(upper).map(|(lower, upper)| [*lower, *upper]));
             }
@@ -342,17 +350,18 @@ impl Barrier {
         self.keep_torques(&torque.total);
         let mut outcome = self.solve();
         for _ in 0..CUTS {
-            if kept.range.is_some() || self.planes.is_empty() || outcome != Outcome::Solved {
+            if self.planes.is_empty() || !matches!(outcome, Outcome::Solved | Outcome::Crowded) {
                 break;
             }
             self.weigh(&difference, robot);
             self.gradient.fill(0.0);
-            if !self.keep_tip(robot, Toward::Found) {
+            if !self.keep_tip(robot, Toward::Found(kept.range)) {
                 break;
             }
             outcome = self.solve();
         }
-        self.left_out.programs += u64::from(outcome == Outcome::Unfinished);
+        self.left_out.programs +=
+            u64::from(matches!(outcome, Outcome::Unfinished | Outcome::Crowded));
         let y = self.program.x();
         let n = y.len();
         if outcome != Outcome::NotConvex {
@@ -397,16 +406,21 @@ impl Barrier {
             normals: &self.normals,
             bounds: &self.bounds,
             softness: &self.softness,
+            spared: self.shares.len(),
         })
     }
 
-    /// How soft each constraint is: 1/ρ for a distance and a hundredth of that for joints and the tip; less behind a limit of the
-    /// torque rate (T161).
+    /// How soft each constraint is: 1/ρ for a distance, and for joints and the tip a hundredth of what all distances that pull have
+    /// together; less behind a limit of the torque rate (T161).
     fn soften(&mut self) {
         let Self { softness, shares, bounds, slack_weight, .. } = self;
         let least = shares.iter().fold(1.0, |least: f64, share| least.min(*share));
         softness.extend(shares.iter().map(|share| share.sqrt() / *slack_weight));
-        softness.resize(bounds.len(), least / *slack_weight / JOINTS);
+        // How many distances pull, all of one body alike or one alone.
+        let asked = bounds[..shares.len()].iter().map(|bound| bound.max(0.0));
+        let most = asked.clone().fold(0.0, f64::max);
+        let crowd = if most > 0.0 { asked.sum::<f64>() / most } else { 1.0 };
+        softness.resize(bounds.len(), least / *slack_weight / (JOINTS * crowd));
     }
 
     /// Every distance, with the exact d̈ (T60).
@@ -528,69 +542,5 @@ impl Barrier {
             self.bounds.extend([lower - tau, tau - upper]);
             self.softness.extend([0.0, 0.0]);
         }
-    }
-}
-
-/// What tests know of the last program.
-#[cfg(test)]
-impl Barrier {
-    /// y as the program has it; None where nothing was to be solved: a breach by rounding alone, 1e-15, is beyond an
-    /// interior-point method.
-    pub(crate) fn solution(&self) -> Option<&[f64]> {
-        self.bounds.iter().any(|b| *b > 1e-9).then(|| self.program.x())
-    }
-
-    /// Whether a constraint from the `first` on is active.
-    pub(crate) fn is_active_from(&self, first: usize) -> bool {
-        self.program.active().any(|(i, _)| i >= first)
-    }
-
-    /// y by Clarabel, every soft constraint with an unknown of its own.
-    pub(crate) fn solution_by_clarabel(&self) -> Vec<f64> {
-        use clarabel::algebra::CscMatrix;
-        use clarabel::solver::{
-            DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus,
-            SupportedConeT,
-        };
-        use nalgebra::DMatrix;
-
-        let (n, m) = (self.nominal.len(), self.bounds.len());
-        let soft: Vec<usize> = (0..m).filter(|&i| self.softness[i] > 0.0).collect();
-        let size = n + soft.len();
-        let mut p = DMatrix::<f64>::zeros(size, size);
-        let mut a = DMatrix::<f64>::zeros(m, size);
-        for i in 0..n {
-            for k in 0..=i {
-                p[(k, i)] = self.hessian[i * n + k];
-            }
-        }
-        for i in 0..m {
-            for k in 0..n {
-                a[(i, k)] = -self.normals[i * n + k];
-            }
-        }
-        for (k, &i) in soft.iter().enumerate() {
-            p[(n + k, n + k)] = 1.0 / self.softness[i];
-            a[(i, n + k)] = -1.0;
-        }
-        let columns = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
-            matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
-        };
-        let b: Vec<f64> = self.bounds.iter().map(|b| -b).collect();
-        let cones: Vec<SupportedConeT<f64>> = vec![NonnegativeConeT(m)];
-        let settings = DefaultSettings {
-            verbose: false,
-            tol_gap_abs: 1e-10,
-            tol_gap_rel: 1e-10,
-            tol_feas: 1e-10,
-            ..DefaultSettings::default()
-        };
-        let [p, a] = [&p, &a].map(|matrix| CscMatrix::from(&columns(matrix)));
-        let mut solver =
-            DefaultSolver::new(&p, &vec![0.0; size], &a, &b, &cones, settings).unwrap();
-        solver.solve();
-        let status = solver.solution.status;
-        assert!(matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved), "{status:?}");
-        solver.solution.x[..n].to_vec()
     }
 }

@@ -19,10 +19,10 @@ const SLIGHTLY: f64 = 1e-4;
 /// Which acceleration says where the tip goes.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Toward<'a> {
-    /// The desired one; behind a limit of the torque rate it goes the way of its present velocity, and that plane is all.
+    /// The desired one; behind a limit of the torque rate that which acts at present, for another one takes time.
     Desired(Option<&'a TorqueRange>),
     /// The last program's.
-    Found,
+    Found(Option<&'a TorqueRange>),
 }
 
 /// A constraint of the program that is a plane of (T114).
@@ -80,31 +80,28 @@ impl Barrier {
     ) -> bool {
         let Pace { most, velocity, drift, ref column, .. } = *pace;
         let n = self.nominal.len();
-        interrupt::checkpoint(16 * n);
+        interrupt::checkpoint(24 * n);
         let later = |ddq: &dyn Fn(usize) -> f64| {
             velocity + (0..n).fold(drift, |sum, i| sum + column(i) * ddq(i)) / self.rate
         };
         let way = match toward {
-            Toward::Desired(Some(_)) => velocity,
+            Toward::Desired(Some(_)) => later(&|i| self.present[i]),
             Toward::Desired(None) => later(&|i| self.nominal[i]),
-            Toward::Found => later(&|i| self.nominal[i] + self.program.x()[i]),
+            Toward::Found(_) => later(&|i| self.nominal[i] + self.program.x()[i]),
         };
         let speed = way.norm();
         let way = if speed > 0.0 { way / speed } else { way };
-        if matches!(toward, Toward::Found) {
+        let is_found = matches!(toward, Toward::Found(_));
+        if is_found {
             self.bend(pace, &way, speed);
-            if speed <= (1.0 + SLIGHTLY) * self.allowed(pace.turns, most) {
-                return false;
-            }
-            self.softness.push(self.softness[self.shares.len()]); // like a joint's
         }
-        let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
-        let start = normals.len();
-        normals.extend((0..n).map(|i| way.dot(&column(i))));
-        let normal = &mut normals[start..];
+        let start = self.normals.len();
+        self.normals.extend((0..n).map(|i| way.dot(&column(i))));
         let (left, drift) = (most - way.dot(&velocity), way.dot(&drift));
+        let Self { rate, present, normals, scratch, .. } = self;
+        let normal = &normals[start..];
         let upper = match toward {
-            Toward::Desired(Some(range)) => {
+            Toward::Desired(Some(range)) | Toward::Found(Some(range)) => {
                 robot.mass_solve(normal, scratch);
                 let jerk = TorqueRange::braking_jerk(range.jerk(normal, scratch));
                 let next = range.period * (dot(normal, present) + drift);
@@ -112,21 +109,29 @@ impl Barrier {
             }
             _ => *rate * left,
         };
-        self.planes.push(Plane { row: bounds.len(), turns: pace.turns });
-        bounds.push(dot(normal, nominal) + drift - upper);
-        normal.iter_mut().for_each(|x| *x = -*x);
+        let excess = |x: &[f64]| dot(normal, &self.nominal) + dot(normal, x) + drift - upper;
+        if is_found {
+            let most = SLIGHTLY * self.rate * most;
+            if excess(self.program.x()) <= (1.0 + SLIGHTLY) * self.beyond(pace.turns) + most {
+                self.normals.truncate(start);
+                return false;
+            }
+            self.softness.push(self.softness[self.shares.len()]); // like a joint's
+        }
+        self.planes.push(Plane { row: self.bounds.len(), turns: pace.turns });
+        self.bounds.push(dot(&self.normals[start..], &self.nominal) + drift - upper);
+        self.normals[start..].iter_mut().for_each(|x| *x = -*x);
         true
     }
 
-    /// How fast the last program lets the tip be, where something else costs more than `most`.
-    fn allowed(&self, turns: bool, most: f64) -> f64 {
-        let Self { planes, normals, bounds, rate, program, nominal, .. } = self;
+    /// How much more the last program lets the tip accelerate than a plane says, where something else costs more \[m/s², rad/s²\].
+    fn beyond(&self, turns: bool) -> f64 {
+        let Self { planes, normals, bounds, program, nominal, .. } = self;
         let n = nominal.len();
         let beyond = |Plane { row, .. }: &Plane| {
             bounds[*row] - dot(&normals[row * n..(row + 1) * n], program.x())
         };
-        let of_this = planes.iter().filter(|plane| plane.turns == turns);
-        most + of_this.map(beyond).fold(0.0, f64::max) / *rate
+        planes.iter().filter(|plane| plane.turns == turns).map(beyond).fold(0.0, f64::max)
     }
 
     /// What the ball of (T114) is beyond its planes, where the last program has it: the curvature of |v + v̇/k|, times what the planes
