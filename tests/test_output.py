@@ -543,6 +543,36 @@ def test_limits_bind_what_is_sent() -> None:
             assert (np.abs(tau + g) <= most + 1e-9).all()
 
 
+@pytest.mark.parametrize("command", ["of the robot", {"gravity": "robot"}])
+@pytest.mark.parametrize("avoidance", ["null_space", "cbf"])
+def test_torque_limits_beside_gravity_of_the_robot_cost_no_speed(command: Any, avoidance: str) -> None:
+    """Where the robot adds gravity, less of a torque limit is left on one side. A UR5e whose shoulder has no
+    more to give brakes its wrist with what there is: to cut one joint alone would bend all.
+    """
+    arm = vff.Arm.named("ur5e")
+    given: Any = {
+        "arm": {"model": "ur5e"},
+        "q0": [-1.223632, 2.604275, -0.001712, -2.305708, -1.358001, 0.205243],
+        "dq0": [0.176219, 0.039666, -1.634423, 2.989387, -1.058839, -0.086774],
+        "duration": 0.5,
+        "reference": {"kind": "setpoint", "point": [-0.328048, -0.177853, -0.51418]},
+        "controller": {
+            "task": "position",
+            "stiffness": 900.0,
+            "damping": 20.0,
+            "null_damping": 12.0,
+            "avoidance": avoidance,
+            "command": command,
+        },
+        "simulation": {"dt": 0.002, "control": "hold", "record_every": 1},
+    }
+    result = vff.simulate(vff.Scenario.from_dict(given))
+    assert result.tau_applied is not None and arm.velocity_limits is not None
+    speeds = np.abs(result.dq) / arm.velocity_limits
+    assert speeds.max() < 1.01, speeds.max(axis=0)
+    np.testing.assert_allclose(result.tau_applied, result.tau, atol=1e-6)
+
+
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e3])
 def test_states_that_cannot_be(wrong: float) -> None:
     """They are values, not exceptions; arrays of a wrong shape are mistakes of the program."""

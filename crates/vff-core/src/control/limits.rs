@@ -33,8 +33,8 @@ pub const SPEED: usize = 5;
 /// let mut parts = Parts::new(1);
 /// (parts.task[0], parts.avoidance[0]) = (1.0, 10.0);
 /// let mut torque = Torque::zeros(1);
-/// let scale: ObjectiveScale = parts.fit(&[5.0], &mut torque);
-/// assert!(within(&torque.total, &[5.0]) && scale.iter().all(|share| (0.0..=1.0).contains(share)));
+/// let scale: ObjectiveScale = parts.fit(&[[-5.0, 5.0]], &mut torque);
+/// assert!(within(&torque.total, &[[-5.0, 5.0]]) && scale.iter().all(|share| (0.0..=1.0).contains(share)));
 /// ```
 #[derive(Debug, Clone)]
 pub struct Parts {
@@ -62,8 +62,8 @@ impl Parts {
         }
     }
 
-    /// Scales the objectives of `torque` to the least sacrifice that keeps |τ_i| ≤ `limit`_i (T35).
-    pub fn fit(&mut self, limit: &[f64], torque: &mut Torque) -> ObjectiveScale {
+    /// Scales the objectives of `torque` to the least sacrifice that keeps every τ_i between its `ends` \[N·m, N\] (T35).
+    pub fn fit(&mut self, ends: &[[f64; 2]], torque: &mut Torque) -> ObjectiveScale {
         let Self { posture, task, damping, avoidance, rest } = self;
         let n = rest.len();
         for i in 0..n {
@@ -75,8 +75,7 @@ impl Parts {
         {
             // Without this objective; then as much of it as fits.
             torque.total.iter_mut().zip(part).for_each(|(total, part)| *total -= part);
-            let ranges = limit.iter().map(|limit| [-limit, *limit]);
-            let fits = largest_share(&torque.total, part, ranges);
+            let fits = largest_share(&torque.total, part, ends.iter().copied());
             *share = fits.unwrap_or(0.0);
             if fits.is_some() {
                 break;
@@ -117,9 +116,9 @@ pub(crate) fn largest_share(
     (low <= high).then_some(high)
 }
 
-/// Whether every torque is within its limit.
-pub fn within(tau: &[f64], limit: &[f64]) -> bool {
-    tau.iter().zip(limit).all(|(tau, limit)| tau.abs() <= *limit)
+/// Whether every torque is between its `ends` \[N·m, N\].
+pub fn within(tau: &[f64], ends: &[[f64; 2]]) -> bool {
+    tau.iter().zip(ends).all(|(tau, [least, most])| (*least..=*most).contains(tau))
 }
 
 /// The share of the wanted task velocity `dx_d` that keeps every joint within its speed limit, given
@@ -188,14 +187,15 @@ mod tests {
                 null: sum(&[posture, damping, avoidance, null]),
             };
             let full = torque.clone();
-            let objective_scale = split.fit(&limit, &mut torque);
+            let ends: Vec<_> = limit.iter().map(|limit: &f64| [-*limit, *limit]).collect();
+            let objective_scale = split.fit(&ends, &mut torque);
             for (tau, limit) in torque.total.iter().zip(&limit) {
                 prop_assert!(tau.abs() <= limit * (1.0 + 1e-12) + 1e-12);
             }
             for k in 1..5 {
                 prop_assert!(objective_scale[k] >= 1.0 || objective_scale[k - 1] == 0.0);
             }
-            if within(&full.total, &limit) {
+            if within(&full.total, &ends) {
                 prop_assert_eq!(objective_scale, ALL);
             } else {
                 let used = (0..4).map(|i| torque.total[i].abs() / limit[i]).fold(0.0, f64::max);

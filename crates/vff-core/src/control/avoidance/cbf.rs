@@ -57,12 +57,12 @@ impl<const D: usize, const M: usize> Cbf<D, M> {
         spares_distances: bool,
         torque: &mut Torque,
     ) -> f64 {
-        let Situation { robot, space, bias, range, .. } = *situation;
+        let Situation { robot, space, bias, range, ends, .. } = *situation;
         let Self { weight, pairs, own, barrier, .. } = self;
         let kept = if spares_distances {
-            Kept { pairs, own, range }
+            Kept { pairs, own, range, ends }
         } else {
-            Kept { pairs: &[], own: &[], range }
+            Kept { pairs: &[], own: &[], range, ends }
         };
         barrier.act(robot, space, &weight.at(robot), kept, bias, torque)
     }

@@ -38,6 +38,8 @@ pub(crate) struct Situation<'a, R: Robot<D>, const D: usize, const M: usize> {
     pub bias: &'a [f64],
     /// What the drives accept next, behind a limit of the torque rate.
     pub range: Option<&'a TorqueRange>,
+    /// Between which the torque of the law may be where there is none \[N·m, N\]; empty without torque limits.
+    pub ends: &'a [[f64; 2]],
 }
 
 /// A way for the end effector to give way.
@@ -150,12 +152,12 @@ impl<const M: usize> Limiter<M> {
         pairs: &[Contact<D>],
         torque: &mut Torque,
     ) {
-        let Situation { robot, space, bias, range, .. } = *situation;
+        let Situation { robot, space, bias, range, ends, .. } = *situation;
         if self.is_judged
-            || !(self.is_fitted || limits::within(&torque.total, &robot.limits().torque))
+            || !(self.is_fitted || limits::within(&torque.total, ends))
             || !self.barrier.is_calm(robot, &torque.total, bias)
         {
-            let kept = Kept { pairs, own: &[], range };
+            let kept = Kept { pairs, own: &[], range, ends };
             self.barrier.act(robot, space, &self.weight.at(robot), kept, bias, torque);
         }
     }
@@ -221,6 +223,11 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     #[cfg(test)]
     pub(crate) fn barrier(&self) -> Option<&Barrier> {
         each!(&self.way, way => Way::<D, M>::program(way))
+    }
+
+    /// Whether a program acts, be it that of a way or of limits.
+    pub fn has_program(&self) -> bool {
+        self.limiter.is_some() || self.slack().is_some()
     }
 
     /// What bounds have left out since the beginning.

@@ -198,9 +198,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.sense(measured);
     }
 
-    /// [`ReactiveController::hear_itself`].
-    pub fn hear_itself(&mut self, elapsed: f64) {
-        self.reactive.hear_itself(elapsed);
+    /// [`ReactiveController::hear_wanted`].
+    pub fn hear_wanted(&mut self, output: Option<&mut Output>, law: Option<&[f64]>, elapsed: f64) {
+        self.reactive.hear_wanted(output, law, elapsed);
     }
 
     /// [`ReactiveController::believe`].

@@ -9,10 +9,11 @@ use crate::control::force::ForceControl;
 use crate::control::limits::{self, ObjectiveScale, Parts};
 use crate::control::moving_posture::MovingPosture;
 use crate::control::observer::MomentumObserver;
+use crate::control::output::write_ends;
 use crate::control::reaction::Reaction;
 use crate::control::{
-    Formulation, Gains, Law, OperationalSpace, Output, Tank, Torque, TorqueRange, VirtualForces,
-    extended_jacobian, task,
+    Formulation, Gains, Gravity, Law, OperationalSpace, Output, Tank, Torque, TorqueRange,
+    VirtualForces, extended_jacobian, task,
 };
 use crate::interrupt;
 use crate::math::{Pose, Vector, dot};
@@ -61,6 +62,9 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     is_ranged: bool,
     /// What limits make of a torque that is not of the law.
     confined: Torque,
+    /// Between which the torque of the law may be \[N·m, N\], and room for gravity where the robot adds that.
+    ends: Vec<[f64; 2]>,
+    gravity: Option<Vec<f64>>,
 }
 
 impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
@@ -100,6 +104,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 .map(|rate| Box::new(TorqueRange::new((0..n).map(|i| rate.get(i)).collect()))),
             is_ranged: false,
             confined: Torque::zeros(n),
+            ends: robot.limits().torque.iter().map(|limit| [-limit, *limit]).collect(),
+            gravity: (gains.command.gravity == Gravity::Robot && !robot.limits().torque.is_empty())
+                .then(|| vec![0.0; n]),
             robot,
             gains,
         }
@@ -288,21 +295,29 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             let answer = observer.rejection();
             torque.add_to_task(|i| answer[i]);
         }
+        self.find_ends();
         if self.gains.enforce_limits
             && !self.keeps_limits()
-            && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
+            && !limits::within(&self.law.torque.total, &self.ends)
         {
             self.fit_torque(&ddx_c);
         }
     }
 
+    /// Finds between which the torque of the law may be at the observed state, where the drives do not say it.
+    fn find_ends(&mut self) {
+        if let Some(gravity) = self.gravity.as_mut().filter(|_| !self.is_ranged) {
+            write_ends(&self.robot, gravity, &mut self.ends);
+        }
+    }
+
     /// Changes that torque where the end effector has to give way, or the drives cannot follow.
     pub(super) fn give_way(&mut self) {
-        let Self { robot, space, forces, law, range, avoider, .. } = self;
+        let Self { robot, space, forces, law, range, avoider, ends, .. } = self;
         let range = range.as_deref().filter(|_| self.is_ranged);
         if let Some(avoider) = avoider {
             let Law { bias, torque, .. } = law;
-            avoider.act(&Situation { robot, space, forces, bias, range }, torque);
+            avoider.act(&Situation { robot, space, forces, bias, range, ends }, torque);
         }
         self.is_ranged = false;
     }
@@ -310,8 +325,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// What limits, and distances too where `spares_distances`, make of a torque at the observed state that is not of the law
     /// \[N·m, N\]; None if they leave it as it is.
     pub fn confine(&mut self, wanted: &[f64], spares_distances: bool) -> Option<&[f64]> {
+        self.find_ends();
         let is_ranged = replace(&mut self.is_ranged, false);
-        let Self { robot, space, forces, law, range, avoider, observer, confined, .. } = self;
+        let Self { robot, space, forces, law, range, avoider, observer, confined, ends, .. } = self;
         let avoider = avoider.as_mut()?;
         robot.bias_torque(&mut law.bias);
         if let Some(observer) = observer {
@@ -319,7 +335,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
         let range = range.as_deref().filter(|_| is_ranged);
         confined.set(wanted);
-        let situation = Situation { robot, space, forces, bias: &law.bias, range };
+        let situation = Situation { robot, space, forces, bias: &law.bias, range, ends };
         avoider.confine(&situation, spares_distances, confined);
         (confined.total != wanted).then_some(confined.total.as_slice())
     }
@@ -419,7 +435,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// Scales the objectives until every joint is within its torque limit (T35).
     #[cold]
     fn fit_torque(&mut self, ddx_c: &Vector<M>) {
-        let Self { robot, space, gains, parts, law, .. } = self;
+        let Self { robot, space, gains, parts, law, ends, .. } = self;
         let dq = robot.velocity();
         let Parts { posture, task, damping, avoidance, .. } = parts;
         robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
@@ -444,7 +460,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             law.project(robot, space, gains.projection, part);
         }
         let before = null_power(space, dq, &law.torque.total);
-        let objective_scale = parts.fit(&robot.limits().torque, &mut law.torque);
+        let objective_scale = parts.fit(ends, &mut law.torque);
         self.scaling += null_power(space, dq, &law.torque.total) - before;
         self.objective_scale[..limits::SPEED].copy_from_slice(&objective_scale[..limits::SPEED]);
     }
@@ -457,6 +473,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// By how much the last command violates the barriers at most \[m/s²\]; None without barriers.
     pub fn slack(&self) -> Option<f64> {
         self.avoider.as_ref().and_then(|avoider| avoider.slack())
+    }
+
+    /// Whether a program acts at times.
+    pub fn has_program(&self) -> bool {
+        self.avoider.as_ref().is_some_and(|avoider| avoider.has_program())
     }
 
     /// What bounds have left out since the beginning.

@@ -185,11 +185,12 @@ impl Output {
             Gravity::Controller => theirs.fill(0.0),
             Gravity::Robot => robot.gravity_torque(theirs),
         }
-        let share = if *gravity == Gravity::Robot { MEASURED } else { 1.0 };
         let joints = bounds.iter_mut().zip(theirs).zip(&robot.limits().torque);
         for ((bounds, theirs), limit) in joints {
-            let limit = share * limit;
-            *bounds = [(-limit - theirs.min(0.0)).min(0.0), (limit - theirs.max(0.0)).max(0.0)];
+            *bounds = match gravity {
+                Gravity::Controller => [-limit, *limit],
+                Gravity::Robot => beside(*theirs, *limit),
+            };
         }
     }
 
@@ -295,6 +296,25 @@ impl Output {
         let Self { sent, before: [before, earlier], .. } = self;
         sent.copy_from_slice(before);
         before.copy_from_slice(earlier);
+    }
+}
+
+/// The least and the most that may be sent to a joint beside the gravity that the robot adds \[N·m, N\]: its torque limit binds what is
+/// sent, and what the drive exerts.
+fn beside(gravity: f64, limit: f64) -> [f64; 2] {
+    let limit = MEASURED * limit;
+    [(-limit - gravity.min(0.0)).min(0.0), (limit - gravity.max(0.0)).max(0.0)]
+}
+
+/// Between which `ends` the torque of the law may be at the state of `robot` where that adds `gravity`, a workspace \[N·m, N\].
+pub(crate) fn write_ends<R: Robot<D>, const D: usize>(
+    robot: &R,
+    gravity: &mut [f64],
+    ends: &mut [[f64; 2]],
+) {
+    robot.gravity_torque(gravity);
+    for ((ends, gravity), limit) in ends.iter_mut().zip(gravity).zip(&robot.limits().torque) {
+        *ends = beside(*gravity, *limit).map(|end| end + *gravity);
     }
 }
 

@@ -29,7 +29,7 @@ pub enum Phase {
     Damping,
     /// It has been missing for 5/d: nothing is sent but gravity, if it is ours.
     Released,
-    /// It has been missing for 10/d. Nothing leads out of this but a new beginning.
+    /// It has been missing for 10/d. Nothing leads out of this but another beginning, or forgetting that there was a loop.
     Lost,
     /// The end was asked for: the arm is damped and, once it is slow, held, until it stands.
     Stopping,

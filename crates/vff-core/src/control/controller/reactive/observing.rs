@@ -22,12 +22,14 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.update_observer(elapsed);
     }
 
-    /// [`hear`](Self::hear) where the torque of the last command has acted.
-    pub fn hear_itself(&mut self, elapsed: f64) {
-        if let Some(observer) = &mut self.observer {
-            observer.acted.copy_from_slice(&self.law.torque.total);
-            self.update_observer(Some(elapsed));
+    /// [`hear`](Self::hear) where what `output` wanted has acted, or, without one, the torque of a `law`, or of its own.
+    pub fn hear_wanted(&mut self, output: Option<&mut Output>, law: Option<&[f64]>, elapsed: f64) {
+        let Some(observer) = &mut self.observer else { return };
+        match output {
+            Some(output) => output.write_wanted(&self.robot, &mut observer.acted),
+            None => observer.acted.copy_from_slice(law.unwrap_or(&self.law.torque.total)),
         }
+        self.update_observer(Some(elapsed));
     }
 
     /// Takes in the observed state, to which what has acted has led.
