@@ -473,6 +473,49 @@ def test_it_blends_in_from_what_is_measured() -> None:
         np.testing.assert_allclose(robot.told[0], first, atol=1e-6)
 
 
+@pytest.mark.parametrize(("acceleration", "jerk"), [(0.2, 2.0), (8.0, 200.0)])
+def test_the_last_velocity_is_within_the_limits(acceleration: float, jerk: float) -> None:
+    """A robot of velocities that is told to stand has come to rest by what its limits allow."""
+
+    class Servo:
+        command, t = "velocity", 0.0
+
+        def __init__(self) -> None:
+            self.q, self.told = np.array(SCENE["q0"]), [np.zeros(7)]
+
+        def read(self) -> Any:
+            return self.t, self.q, self.told[-1]
+
+        def write(self, command: Any, /) -> None:
+            self.told.append(command.copy())
+            self.q, self.t = self.q + 2e-3 * command, self.t + 2e-3
+
+    robot, limits = Servo(), {"acceleration": acceleration, "jerk": jerk, "speed": 0.5}
+    with vff.drive(robot, controller(), seconds=0.5, rate=500.0, limits=limits, obstacles=[BALL]) as drive:
+        place, orientation = ARM.pose(SCENE["q0"])
+        drive.set_target((np.add(place, [0.0, 0.2, 0.0]), orientation))
+        finished(drive)
+    changes = np.diff(robot.told, axis=0) / 2e-3
+    assert np.abs(robot.told).max() > 1e-2 and np.abs(robot.told[-1]).max() == 0.0
+    assert np.abs(changes).max() < 1.02 * acceleration
+    assert np.abs(np.diff(changes, axis=0) / 2e-3).max() < 1.02 * jerk
+
+
+def test_a_simulated_robot_has_one_drive() -> None:
+    robot = SimulatedRobot(SCENE)
+    with vff.drive(robot, controller(), seconds=0.5) as drive:
+        wait_for(lambda: drive.state.t > 0.01)
+        with (
+            pytest.warns(RuntimeWarning, match="another drive has this robot"),
+            vff.drive(robot, controller(), seconds=0.1) as other,
+        ):
+            assert finished(other).status == "fault"
+        assert finished(drive).status == "completed"
+    vff.drive(robot, controller(), seconds=0.1)  # never begun
+    with vff.drive(robot, controller(), seconds=0.05) as drive:
+        assert finished(drive).status == "completed"
+
+
 def test_robots_of_positions_and_velocities() -> None:
     """They get the state of the model within its limits: the elbow gives way, the hand stays."""
 

@@ -621,6 +621,23 @@ class Controller:
     ) -> Terms:
         """The torque of the law with its parts, whatever `command` makes of it; parameters as in `torque`."""
 
+    def reset(self) -> None:
+        """Forget the past, so that the next state may be at any time.
+
+        An energy tank is as full as at the start, an observer knows nothing, a look-ahead follows no
+        candidate. A loop that is over is left by it, and set points that have finished.
+
+        Examples
+        --------
+        A second run whose time begins at 0 again begins with it.
+
+        >>> controller = Controller(Arm.uniform(6), {"tank": {"capacity": 0.1, "initial": 0.02}})
+        >>> first = controller.torque([0.1] * 6, [0.5] * 6, x_ref=[4.0, 2.0], t=0.0)
+        >>> controller.reset()
+        >>> (first == controller.torque([0.1] * 6, [0.5] * 6, x_ref=[4.0, 2.0], t=0.0)).all()
+        np.True_
+        """
+
     def update_points(
         self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
     ) -> None:
@@ -662,6 +679,7 @@ class Controller:
         """Begin a loop that is watched over: from now on `cycle` says what is to be sent to the robot.
 
         The torque is blended in over the time `blend_time` of the settings' `command`, so that nothing jumps.
+        Set points of a `VirtualArm` with this controller are over then.
 
         Parameters
         ----------
@@ -778,7 +796,7 @@ class Controller:
         """What was left out since the loop began: ``late``, cycles that took longer than the
         deadline; ``cut``, cycles in which the look-ahead stopped for lack of time; ``rollouts`` that it did
         not make because of that; ``points`` of clouds beyond the 64 that ``cbf`` keeps of a link, counted
-        once a cycle; ``programs`` of ``cbf`` that ended with constraints left.
+        once a cycle; ``programs`` that ended with constraints left.
         """
     def stop(self) -> None:
         """End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is
@@ -1009,7 +1027,7 @@ class LiveState(TypedDict):
     worst: float
     """The longest computation of a period so far [s]."""
     min_clearance: float
-    """Since the start or the last reset [m]; inf without obstacles."""
+    """Since the start or the last reset [m], without what a tip presses on; inf without obstacles."""
     metrics: dict[str, float | int | None]
     """What `METRICS` names, since the start or the last reset; there is no tail."""
     recording: bool
@@ -1020,6 +1038,11 @@ class LiveState(TypedDict):
     x_ref: _Array
     error: _Array
     clearance: _Array
+    """Of every link [m], that of a tip that presses on something from all else."""
+    released: list[str | None] | None
+    """The parts of the task that the look-ahead lets go, None for the rest; None without an order."""
+    pressed: float | None
+    """What obstacles that are felt press the arm with, all of them [N]; None where none is felt."""
     tau: _Array
     tau_vff: _Array
     power: _Array
@@ -1371,7 +1394,8 @@ class Simulation:
         Parameters
         ----------
         tau : (n,) array_like, optional
-            Joint torque [N·m] to hold during the period; the scenario's own law by default.
+            What is sent to the robot [N·m] during the period, without gravity where that adds it, as
+            `Controller.torque` has it; the scenario's own law by default.
 
         Returns
         -------
@@ -2375,6 +2399,9 @@ class VirtualArm:
     its torque, and the barriers of ``cbf`` act as early as they need. Where a joint of the robot and its set
     point part by more than `threshold`, the model comes to the robot, within the same limits, until they are
     within a quarter of that.
+
+    From now on the controller is that of set points: a loop of torques that it has begun is over, as are
+    these once it begins another one, or forgets them by `Controller.reset` after they have finished.
 
     Parameters
     ----------

@@ -25,13 +25,14 @@ enum vff_status
     VFF_STATUS_NULL = 1,
     // An array has the wrong length.
     VFF_STATUS_LENGTH = 2,
-    // A number is infinite or not a number.
+    // A number is infinite or not a number, or a period that is not greater than 0.
     VFF_STATUS_NOT_FINITE = 3,
     // A text or what it describes is not what it must be. The message says where.
     VFF_STATUS_DOCUMENT = 4,
     // A file cannot be read.
     VFF_STATUS_FILE = 5,
-    // The numbers are no reference: the quaternion is not of norm 1. Or the robot is not where that of the scenario begins.
+    // The numbers are no reference, pose or orientation: the quaternion is not of norm 1. Or the robot is not where the reference of the
+    // scenario begins.
     VFF_STATUS_REFERENCE = 6,
     // There is no reference yet.
     VFF_STATUS_NO_REFERENCE = 7,
@@ -85,7 +86,7 @@ enum vff_phase
     VFF_PHASE_DAMPING = 3,
     // It has been missing for longer still: nothing is sent but gravity, if it is ours.
     VFF_PHASE_RELEASED = 4,
-    // The loop is over: the state did not come back. Only `vff_controller_begin` leads out of this.
+    // The loop is over: the state did not come back. Another beginning leads out of this, or `vff_controller_reset`.
     VFF_PHASE_LOST = 5,
     // The end was asked for: the arm is damped and, once it is slow, held, until it stands.
     VFF_PHASE_STOPPING = 6,
@@ -165,7 +166,7 @@ typedef struct vff_left_out {
     uint64_t rollouts;
     // Points of clouds beyond the 64 that `cbf` keeps of a link, counted once a cycle.
     uint64_t points;
-    // Programs of `cbf` that ended with constraints left.
+    // Programs that ended with constraints left.
     uint64_t programs;
 } vff_left_out;
 
@@ -396,12 +397,14 @@ vff_status vff_controller_torque(struct vff_controller *controller,
                                  size_t joints);
 
 // For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
-// next state may be at any time. Obstacles and reference stay.
+// next state may be at any time. Obstacles and reference stay. A loop that is over, of torques or of set points, is left by it, which
+// allocates and frees: what is asked from then on is asked of the law of torques, by a clock that may be another one.
 vff_status vff_controller_reset(struct vff_controller *controller);
 
 // Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
 // blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
-// length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. Allocates.
+// length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. A loop of set points
+// is over then. Allocates.
 vff_status vff_controller_begin(struct vff_controller *controller,
                                 double period,
                                 const double *measured,
@@ -459,7 +462,7 @@ vff_status vff_controller_distances(const struct vff_controller *controller,
                                     double *gradient);
 
 // How long a torque may be held at q and time `t` [s], at rest, before the null space oscillates (T34) [s]; infinite where nothing makes it.
-// Observe the state again before the next torque. Allocates.
+// Allocates.
 vff_status vff_controller_stable_period(struct vff_controller *controller,
                                         double t,
                                         const double *q,
@@ -469,7 +472,8 @@ vff_status vff_controller_stable_period(struct vff_controller *controller,
 // Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
 // runs on the model, whose state is the set point. The past is forgotten, and the reference of a scenario begins `command.blend_time`
 // after the first set point, at whatever time that is. A robot that is far beyond its stops, or not where that reference begins, is
-// refused (`VFF_STATUS_REFERENCE`). Allocates.
+// refused (`VFF_STATUS_REFERENCE`). A loop of torques that was watched over is over then, and torques that are asked for are those
+// from which set points are made, until `vff_controller_begin`, or `vff_controller_reset` after they have finished. Allocates.
 vff_status vff_controller_begin_set_points(struct vff_controller *controller,
                                            double period,
                                            const struct vff_set_point_limits *limits,

@@ -28,12 +28,17 @@ public:
     constexpr Span(T* data, std::size_t size) noexcept : data_(size > 0 ? data : nullptr), size_(size) {}
     template <std::size_t N>
     constexpr Span(T (&array)[N]) noexcept : data_(array), size_(N) {}
-    /// Of whatever has `data()` and `size()`: `std::array`, `std::vector`, `std::span`, a column of Eigen.
+    /// Of whatever has `data()` and `size()`: `std::array`, `std::vector`, `std::span`, a column of Eigen. Of what does not lie side by
+    /// side, such as a row of one, the length is one that every call refuses.
     template <class C,
               class = std::enable_if_t<
                   !std::is_same_v<std::decay_t<C>, Span> &&
                   std::is_convertible_v<std::remove_pointer_t<decltype(std::declval<C&>().data())> (*)[], T (*)[]>>>
-    constexpr Span(C&& values) noexcept : Span(values.data(), static_cast<std::size_t>(values.size())) {}
+    constexpr Span(C&& values) noexcept
+        : Span(values.data(), lies_side_by_side(values, 0) ? static_cast<std::size_t>(values.size()) : scattered) {}
+
+    /// The size of what does not lie side by side: no multiple of the coordinates of a point.
+    static constexpr std::size_t scattered = static_cast<std::size_t>(-2);
 
     constexpr T* data() const noexcept { return data_; }
     constexpr std::size_t size() const noexcept { return size_; }
@@ -43,6 +48,18 @@ public:
     constexpr T* end() const noexcept { return data_ + size_; }
 
 private:
+    /// As Eigen tells it.
+    template <class C>
+    static constexpr auto lies_side_by_side(const C& values, int) noexcept
+        -> decltype(values.innerStride(), values.outerStride(), values.innerSize(), values.outerSize(), true) {
+        return (values.size() <= 1 || values.innerStride() == 1) &&
+               (values.outerSize() <= 1 || values.outerStride() == values.innerSize());
+    }
+    template <class C>
+    static constexpr bool lies_side_by_side(const C&, long) noexcept {
+        return true;
+    }
+
     T* data_ = nullptr;
     std::size_t size_ = 0;
 };
@@ -390,8 +407,9 @@ public:
     Status torque(Output tau) noexcept { return vff_controller_torque(get(), tau.data(), tau.size()); }
     /// One cycle of a loop that has begun, with the state of time t [s], whatever it is: what is to be sent [N·m].
     Status cycle(double t, Input q, Input dq, Output tau, vff_phase& phase) noexcept {
-        const bool right = q.size() == tau.size() && dq.size() == tau.size();
-        return vff_controller_cycle(get(), t, q.data(), dq.data(), tau.data(), right ? tau.size() : 0, &phase);
+        // One length for all three: that of the one that is wrong.
+        const std::size_t size = q.size() != joints() ? q.size() : dq.size() != joints() ? dq.size() : tau.size();
+        return vff_controller_cycle(get(), t, q.data(), dq.data(), tau.data(), size, &phase);
     }
     /// One without a state.
     Status cycle(Output tau, vff_phase& phase) noexcept {
@@ -436,7 +454,7 @@ public:
     Status succeed(Controller& next, double duration = 0.5) noexcept {
         return vff_controller_succeed(get(), next.get(), duration);
     }
-    /// Forgets the past.
+    /// Forgets the past, and leaves a loop that is over, which allocates.
     Status reset() noexcept { return vff_controller_reset(get()); }
 
     vff_controller* get() const noexcept { return handle_.get(); }

@@ -504,7 +504,8 @@ pub unsafe extern "C" fn vff_controller_torque(
 }
 
 /// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
-/// next state may be at any time. Obstacles and reference stay.
+/// next state may be at any time. Obstacles and reference stay. A loop that is over, of torques or of set points, is left by it, which
+/// allocates and frees: what is asked from then on is asked of the law of torques, by a clock that may be another one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_reset(controller: *mut Controller) -> Status {
     // SAFETY: pointers as C has them.

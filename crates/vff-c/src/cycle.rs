@@ -33,7 +33,7 @@ pub enum vff_phase {
     Damping = 3,
     /// It has been missing for longer still: nothing is sent but gravity, if it is ours.
     Released = 4,
-    /// The loop is over: the state did not come back. Only `vff_controller_begin` leads out of this.
+    /// The loop is over: the state did not come back. Another beginning leads out of this, or `vff_controller_reset`.
     Lost = 5,
     /// The end was asked for: the arm is damped and, once it is slow, held, until it stands.
     Stopping = 6,
@@ -58,7 +58,8 @@ impl From<Phase> for vff_phase {
 
 /// Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
 /// blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
-/// length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. Allocates.
+/// length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. A loop of set points
+/// is over then. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_begin(
     controller: *mut Controller,
@@ -74,6 +75,7 @@ pub unsafe extern "C" fn vff_controller_begin(
                 false => Some(any_numbers("measured", measured, joints, inner.n)?),
             };
             inner.controller.begin(period, measured)?;
+            inner.virtual_arm = None;
             (inner.observed, inner.commanded) = (false, false);
             Ok(())
         })
@@ -129,7 +131,7 @@ pub struct LeftOut {
     pub rollouts: u64,
     /// Points of clouds beyond the 64 that `cbf` keeps of a link, counted once a cycle.
     pub points: u64,
-    /// Programs of `cbf` that ended with constraints left.
+    /// Programs that ended with constraints left.
     pub programs: u64,
 }
 

@@ -48,7 +48,8 @@ pub unsafe extern "C" fn vff_robot_inverse_kinematics(
         let pose = numbers("pose", pose, length, expected)?;
         let mut found = numbers("q", q, joints, arm.dof())?.to_vec();
         let (out, to) = (room("q", q, joints, arm.dof())?, room("gap", gap, 2, 2)?);
-        let left = arm.inverse_kinematics(pose, &mut found)?;
+        let left = arm.inverse_kinematics(pose, &mut found);
+        let left = left.map_err(|fault| Fault::Turn("pose", fault))?;
         out.fill(&found);
         to.fill(&[left.position, left.angle]);
         Ok(())

@@ -84,7 +84,8 @@ pub unsafe extern "C" fn vff_controller_turn_obstacle(
                 true => &[0.0; 3][..rates],
                 false => numbers("rate", rate, rates, rates)?,
             };
-            inner.controller.turn(j, t, orientation, rate)?;
+            let turned = inner.controller.turn(j, t, orientation, rate);
+            turned.map_err(|fault| Fault::Turn("orientation", fault))?;
             Ok(())
         })
     }

@@ -68,7 +68,8 @@ impl From<Course> for vff_course {
 /// Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
 /// runs on the model, whose state is the set point. The past is forgotten, and the reference of a scenario begins `command.blend_time`
 /// after the first set point, at whatever time that is. A robot that is far beyond its stops, or not where that reference begins, is
-/// refused (`VFF_STATUS_REFERENCE`). Allocates.
+/// refused (`VFF_STATUS_REFERENCE`). A loop of torques that was watched over is over then, and torques that are asked for are those
+/// from which set points are made, until `vff_controller_begin`, or `vff_controller_reset` after they have finished. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_begin_set_points(
     controller: *mut Controller,
@@ -93,12 +94,12 @@ pub unsafe extern "C" fn vff_controller_begin_set_points(
                 jerk: ScalarOrVec::Each(each("jerk", given.jerk)?),
                 threshold: given.threshold,
             };
-            let arm = VirtualArm::new(&mut inner.controller, &limits, period, q)?;
-            let missed = inner.controller.missed_start();
+            let missed = inner.controller.missed_start(q);
             if let Some(missed) = missed.filter(|_| inner.follows == Follows::Scenario) {
                 return Err(Fault::Elsewhere(missed));
             }
-            inner.virtual_arm = Some(arm);
+            inner.virtual_arm = Some(VirtualArm::new(&mut inner.controller, &limits, period, q)?);
+            (inner.observed, inner.commanded) = (false, false);
             Ok(())
         })
     }

@@ -19,13 +19,14 @@ pub enum Status {
     Null = 1,
     /// An array has the wrong length.
     Length = 2,
-    /// A number is infinite or not a number.
+    /// A number is infinite or not a number, or a period that is not greater than 0.
     NotFinite = 3,
     /// A text or what it describes is not what it must be. The message says where.
     Document = 4,
     /// A file cannot be read.
     File = 5,
-    /// The numbers are no reference: the quaternion is not of norm 1. Or the robot is not where that of the scenario begins.
+    /// The numbers are no reference, pose or orientation: the quaternion is not of norm 1. Or the robot is not where the reference of the
+    /// scenario begins.
     Reference = 6,
     /// There is no reference yet.
     NoReference = 7,
@@ -72,6 +73,8 @@ pub(crate) enum Fault {
     File { path: String, error: io::Error },
     #[error("x_ref: {0}")]
     Reference(#[from] NotARotation),
+    #[error("{0}: {1}")]
+    Turn(&'static str, NotARotation),
     #[error("there is no reference: call vff_controller_set_reference first")]
     NoReference,
     #[error("there is no reference of a scenario to follow")]
@@ -176,7 +179,7 @@ impl Fault {
             Self::NotFinite { .. } | Self::NoPeriod(_) => Status::NotFinite,
             Self::NotText { .. } | Self::Document(_) => Status::Document,
             Self::File { .. } => Status::File,
-            Self::Reference(_) | Self::Elsewhere(_) => Status::Reference,
+            Self::Reference(_) | Self::Turn(..) | Self::Elsewhere(_) => Status::Reference,
             Self::NoReference | Self::NoScenario => Status::NoReference,
             Self::NotObserved | Self::NoTorque => Status::NotObserved,
             Self::NoObstacle(_) => Status::NoObstacle,

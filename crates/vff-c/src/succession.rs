@@ -101,7 +101,7 @@ pub unsafe extern "C" fn vff_controller_distances(
     unsafe {
         with(controller, |inner| {
             let j = inner.place_of(id)?;
-            let out = room("distance", distance, joints, inner.n)?.zeroed();
+            let out = room("distance", distance, joints, inner.n)?;
             let rows = match gradient.is_null() {
                 true => None,
                 false => Some(room("gradient", gradient, inner.n * inner.n, inner.n * inner.n)?),
@@ -109,14 +109,15 @@ pub unsafe extern "C" fn vff_controller_distances(
             if !(inner.observed || inner.commanded) {
                 return Err(Fault::NotObserved);
             }
-            inner.controller.write_distances(j, out, rows.map(|rows| rows.zeroed()));
+            let rows = rows.map(|rows| rows.zeroed());
+            inner.controller.write_distances(j, out.zeroed(), rows);
             Ok(())
         })
     }
 }
 
 /// How long a torque may be held at q and time `t` [s], at rest, before the null space oscillates (T34) [s]; infinite where nothing makes it.
-/// Observe the state again before the next torque. Allocates.
+/// Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_stable_period(
     controller: *mut Controller,
@@ -131,7 +132,6 @@ pub unsafe extern "C" fn vff_controller_stable_period(
             let q = numbers("q", q, joints, inner.n)?;
             numbers("t", &raw const t, 1, 1)?;
             let to = place("period", period)?;
-            inner.observed = false;
             to.write(inner.controller.stable_period(q, t).period);
             Ok(())
         })

@@ -290,3 +290,201 @@ fn obstacles_turn() {
         vff_robot_free(robot);
     }
 }
+
+const FIELD: &str = "stiffness = 400\ndamping = 40\nnull_damping = 12\nfield = { kind = 'bounded', gain = 80, influence = 0.25 }";
+const BALL: &CStr = c"shape = { kind = 'sphere', radius = 0.08 }\nposition = [0, -1, 0.6]";
+
+/// A controller that holds the hand where it is, with a ball around.
+fn beside_a_ball(robot: *const Robot, more: &str) -> (*mut Controller, u32) {
+    let (made, mut id, mut pose) = (controller(robot, &format!("{FIELD}{more}")), 0, [0.0; 7]);
+    // SAFETY: text, places and arrays live.
+    unsafe {
+        assert_eq!(vff_controller_add_obstacle(made, BALL.as_ptr(), &raw mut id), Status::Ok);
+        vff_robot_pose(robot, READY.as_ptr(), 7, pose.as_mut_ptr(), 7);
+        let given = vff_controller_set_reference(made, pose.as_ptr(), 3, null(), 0, null(), 0);
+        assert_eq!(given, Status::Ok);
+    }
+    (made, id)
+}
+
+/// What a call for set points is given.
+fn begin_set_points(controller: *mut Controller, q: &[f64; 7]) -> Status {
+    let (acceleration, jerk) = ([5.0; 7], [500.0; 7]);
+    let limits = vff_set_point_limits {
+        speed: null(),
+        acceleration: acceleration.as_ptr(),
+        jerk: jerk.as_ptr(),
+        threshold: 0.1,
+    };
+    // SAFETY: arrays and limits live.
+    unsafe { vff_controller_begin_set_points(controller, 1e-3, &raw const limits, q.as_ptr(), 7) }
+}
+
+fn set_point(controller: *mut Controller, t: f64) -> (Status, [f64; 7], vff_course) {
+    let ([mut q, mut dq, mut ddq], mut course) = ([[0.0; 7]; 3], vff_course::Waiting);
+    let out = [&mut q, &mut dq, &mut ddq].map(|out| out.as_mut_ptr());
+    // SAFETY: arrays and place live.
+    let done = unsafe {
+        let (still, to) = ([0.0; 7], &raw mut course);
+        let [q, dq, ddq] = out;
+        vff_controller_set_point(controller, t, READY.as_ptr(), still.as_ptr(), q, dq, ddq, 7, to)
+    };
+    (done, ddq, course)
+}
+
+fn own_torque(controller: *mut Controller, t: f64) -> [f64; 7] {
+    let mut tau = [0.0; 7];
+    // SAFETY: arrays have the lengths that are given.
+    unsafe {
+        let observed = vff_controller_observe(controller, t, READY.as_ptr(), [0.0; 7].as_ptr(), 7);
+        assert_eq!(observed, Status::Ok);
+        assert_eq!(vff_controller_torque(controller, tau.as_mut_ptr(), 7), Status::Ok);
+    }
+    tau
+}
+
+/// A ball is where it was seen, on the clock of the loop that there is, whatever kind of loop has been before.
+#[test]
+fn the_clock_is_that_of_the_loop() {
+    let robot = panda();
+    let ended = |set_points: bool| {
+        let (it, id) = beside_a_ball(robot, "");
+        // SAFETY: it lives.
+        unsafe {
+            match set_points {
+                true => assert_eq!(begin_set_points(it, &READY), Status::Ok),
+                false => assert_eq!(vff_controller_begin(it, 1e-3, null(), 0), Status::Ok),
+            }
+            for k in 0..1300 {
+                if k == 1000 {
+                    assert_eq!(vff_controller_stop(it), Status::Ok);
+                }
+                match set_points {
+                    true => assert_eq!(set_point(it, 1e-3 * f64::from(k)).0, Status::Ok),
+                    false => drop(cycle(it, 1e-3 * f64::from(k), &READY, &[0.0; 7])),
+                }
+            }
+            assert_eq!(vff_controller_reset(it), Status::Ok);
+        }
+        (it, id)
+    };
+    let seen_at_10 = |(it, id): (*mut Controller, u32)| {
+        let (place, velocity) = ([-0.05, -0.3, 0.62], [0.0, 0.2, 0.0]);
+        // SAFETY: it and arrays live.
+        let told = unsafe {
+            vff_controller_move_obstacle(it, id, 10.0, place.as_ptr(), velocity.as_ptr(), 3)
+        };
+        assert_eq!(told, Status::Ok);
+        it
+    };
+    let all = [beside_a_ball(robot, ""), ended(false), ended(true)].map(seen_at_10);
+    let bits = |numbers: [f64; 7]| numbers.map(f64::to_bits);
+    let torques = all.map(|it| own_torque(it, 10.5));
+    assert!(torques.iter().all(|tau| bits(*tau) == bits(torques[0])), "{torques:?}");
+    assert!(torques[0][0].abs() > 1.0, "it pushes: {torques:?}");
+    let again = [beside_a_ball(robot, ""), ended(false), ended(true)];
+    let points = again.map(|(it, id)| {
+        assert_eq!(begin_set_points(it, &READY), Status::Ok);
+        set_point(seen_at_10((it, id)), 10.0).1
+    });
+    assert!(points.iter().all(|point| bits(*point) == bits(points[0])), "{points:?}");
+    // SAFETY: they are not used again.
+    unsafe {
+        all.iter().chain(&again.map(|(it, _)| it)).for_each(|it| vff_controller_free(*it));
+        vff_robot_free(robot);
+    }
+}
+
+/// Torques and set points exclude each other, and a beginning that is refused leaves the loop as it was, bit for bit.
+#[test]
+fn one_kind_of_loop_at_a_time() {
+    let robot = panda();
+    let twin = || beside_a_ball(robot, "\navoidance = 'cbf'").0;
+    let [asked, left] = [twin(), twin()];
+    let mut beyond = READY;
+    beyond[1] = -45.0;
+    // SAFETY: they live, as do arrays.
+    unsafe {
+        // Torques, and refused set points.
+        for it in [asked, left] {
+            assert_eq!(vff_controller_begin(it, 1e-3, null(), 0), Status::Ok);
+        }
+        let mut q = READY;
+        q[3] += 0.05;
+        for k in 0..900 {
+            if k == 800 {
+                assert_eq!(begin_set_points(asked, &beyond), Status::Reference);
+                assert_eq!(vff_controller_begin(asked, f64::NAN, null(), 0), Status::NotFinite);
+            }
+            let [a, b] = [asked, left].map(|it| cycle(it, 1e-3 * f64::from(k), &q, &[0.01; 7]));
+            assert_eq!(a, b, "{k}");
+        }
+        // Set points, and refused torques.
+        for it in [asked, left] {
+            assert_eq!(begin_set_points(it, &READY), Status::Ok);
+        }
+        let (mut tau, mut phase) = ([7.0; 7], vff_phase::Lost);
+        let cycled = vff_controller_cycle(
+            asked,
+            1.0,
+            READY.as_ptr(),
+            READY.as_ptr(),
+            tau.as_mut_ptr(),
+            7,
+            &raw mut phase,
+        );
+        assert_eq!((cycled, tau[0].to_bits()), (Status::NotBegun, 7f64.to_bits()));
+        assert_eq!(
+            vff_controller_torque(asked, tau.as_mut_ptr(), 7),
+            Status::NotObserved,
+            "what was observed for torques is no set point"
+        );
+        for k in 0..300 {
+            if k == 100 {
+                for period in [f64::NAN, 0.5] {
+                    assert_ne!(vff_controller_begin(asked, period, null(), 0), Status::Ok);
+                }
+            }
+            let [a, b] = [asked, left].map(|it| set_point(it, 1.0 + 1e-3 * f64::from(k)));
+            assert_eq!(a, b, "{k}");
+        }
+        assert_eq!(vff_controller_begin(asked, 1e-3, null(), 0), Status::Ok);
+        assert_eq!(set_point(asked, 2.0).0, Status::NotBegun);
+        [asked, left].into_iter().for_each(|it| vff_controller_free(it));
+        vff_robot_free(robot);
+    }
+}
+
+/// What is asked between two cycles does not hide what the loop has left out, and what is refused writes nothing; a law takes the
+/// place of another one once.
+#[test]
+fn what_is_refused_writes_nothing() {
+    let robot = panda();
+    let (it, id) = beside_a_ball(robot, "\ndeadline = 0.001");
+    let (mut distance, mut counts) =
+        ([123.0; 7], LeftOut { late: 0, cut: 0, rollouts: 0, points: 0, programs: 0 });
+    // SAFETY: they live, as do places and arrays.
+    unsafe {
+        let asked = vff_controller_distances(it, id, distance.as_mut_ptr(), 7, null_mut());
+        assert_eq!((asked, distance), (Status::NotObserved, [123.0; 7]));
+        assert_eq!(vff_controller_begin(it, 1e-3, null(), 0), Status::Ok);
+        for k in 0..600 {
+            cycle(it, 1e-3 * f64::from(k), &READY, &[0.0; 7]);
+        }
+        own_torque(it, 0.6);
+        assert_eq!(vff_controller_left_out(it, &raw mut counts), Status::Ok);
+        assert!(counts.late > 500, "{counts:?}");
+        let (mut next, settings) = (null_mut(), text(FIELD));
+        let made = vff_controller_successor(it, robot, settings.as_ptr(), &raw mut next);
+        assert_eq!(made, Status::Ok, "{}", message());
+        assert_eq!(vff_controller_succeed(it, next, 0.0), Status::Ok);
+        cycle(it, 0.601, &READY, &[0.0; 7]);
+        assert_eq!(vff_controller_succeed(it, next, 0.0), Status::Document);
+        assert!(message().contains("once"), "{}", message());
+        let wrong = [0.0, 0.0, 0.0, 2.0];
+        let turned = vff_controller_turn_obstacle(it, id, 0.6, wrong.as_ptr(), 4, null());
+        assert_eq!((turned, message().contains("orientation")), (Status::Reference, true));
+        [it, next].into_iter().for_each(|it| vff_controller_free(it));
+        vff_robot_free(robot);
+    }
+}

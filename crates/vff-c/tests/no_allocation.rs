@@ -89,7 +89,7 @@ fn panda(settings: &str) -> (*mut Controller, *mut Cloud) {
 fn no_cycle_touches_the_heap() {
     let field = "field = { kind = 'bounded', gain = 20.0, influence = 0.25 }";
     let command = "command = { gravity = 'robot', torque_rate = 1000.0, coulomb_friction = 0.2, tip_speed = 0.3 }";
-    for settings in [
+    let all = [
         format!("task = 'pose'\n{field}\n{command}"),
         format!("task = 'position'\ntank = {{ capacity = 1.0 }}\n{field}"),
         format!("task = 'pointing'\navoidance = 'relaxed'\n{field}"),
@@ -98,21 +98,26 @@ fn no_cycle_touches_the_heap() {
         format!(
             "task = 'pose'\navoidance = 'cbf'\nself_collision = 'avoid'\nyielding = {{ preview = {{ trigger = 1.2 }} }}\n{field}"
         ),
-    ] {
-        let (controller, cloud) = panda(&settings);
+    ];
+    for (settings, sets_points) in
+        all.iter().flat_map(|settings| [(settings, false), (settings, true)])
+    {
+        let (controller, cloud) = panda(settings);
         let (over, sent) = (AtomicBool::new(false), AtomicUsize::new(0));
         let (shared, mut pushed) = (cloud as usize, 0.0);
         let limits = set_point_limits();
         // SAFETY: arrays have the lengths that are given.
         unsafe {
-            assert_eq!(vff_controller_begin(controller, 0.001, null(), 0), Status::Ok);
-            let begun = vff_controller_begin_set_points(
-                controller,
-                0.001,
-                &raw const limits,
-                READY.as_ptr(),
-                7,
-            );
+            let begun = match sets_points {
+                false => vff_controller_begin(controller, 0.001, null(), 0),
+                true => vff_controller_begin_set_points(
+                    controller,
+                    0.001,
+                    &raw const limits,
+                    READY.as_ptr(),
+                    7,
+                ),
+            };
             assert_eq!(begun, Status::Ok);
         }
         thread::scope(|scope| {
@@ -192,7 +197,7 @@ fn no_cycle_touches_the_heap() {
                         if k == 300 {
                             assert_eq!(vff_controller_reset(c), Status::Ok);
                         }
-                        // A loop that is watched over, whose state is missing at times, and set points.
+                        // A loop that is watched over, or of set points, whose state is missing at times.
                         let given = |x: &[f64; 7]| if k % 16 < 8 { x.as_ptr() } else { null() };
                         let mut phase = vff_phase::Lost;
                         let (at, moving) = (given(&q), given(&[0.1; 7]));
@@ -205,7 +210,11 @@ fn no_cycle_touches_the_heap() {
                             7,
                             &raw mut phase,
                         );
-                        assert_eq!(sent, Status::Ok);
+                        let [torques, points] = match sets_points {
+                            false => [Status::Ok, Status::NotBegun],
+                            true => [Status::NotBegun, Status::Ok],
+                        };
+                        assert_eq!(sent, torques);
                         let (mut set, mut course) = ([[0.0; 7]; 3], vff_course::Finished);
                         let [x, dx, ddx] = set.each_mut().map(|each| each.as_mut_ptr());
                         let moved = vff_controller_set_point(
@@ -219,7 +228,7 @@ fn no_cycle_touches_the_heap() {
                             7,
                             &raw mut course,
                         );
-                        assert_eq!(moved, Status::Ok);
+                        assert_eq!(moved, points);
                         if k == 350 {
                             assert_eq!(vff_controller_stop(c), Status::Ok);
                         }

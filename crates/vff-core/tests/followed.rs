@@ -163,9 +163,9 @@ fn a_loop_begins_where_its_reference_does() {
         assert_eq!(controller.cycle(at(4.0 * H, &away), Some(&given)), Ok(Phase::Starting)); // whose place others know
         // A loop that runs goes on, and waits until it is there.
         assert_eq!(controller.cycle(at(5.0 * H, &away), None), Ok(Phase::Starting));
-        assert!(controller.missed_start().is_some());
+        assert!(controller.missed_start(&away).is_some());
         assert_eq!(controller.cycle(at(1.0, &near), None), Ok(Phase::Starting));
-        assert_eq!(controller.missed_start(), None);
+        assert_eq!(controller.missed_start(&near), None);
         let mut controller = begun();
         controller.stop(); // which goes nowhere
         assert_eq!(controller.cycle(at(H, &away), None), Ok(Phase::Stopping));
@@ -250,7 +250,7 @@ fn set_points_begin_with_the_reference() {
     let q = [0.2, 0.3, 0.3, 0.3];
     let run = |controller: &mut AnyController, q: &[f64], clock: f64| {
         let mut arm = VirtualArm::new(controller, &limits(), H, q).unwrap();
-        let missed = controller.missed_start();
+        let missed = controller.missed_start(q);
         let mut off: f64 = 0.0;
         for k in 0..1500 {
             arm.step(controller, clock + H * f64::from(k), None, None).unwrap();
@@ -272,4 +272,21 @@ fn set_points_begin_with_the_reference() {
     let away = [0.2, 0.9, 0.3, 0.3];
     let (missed, _, last) = run(&mut controller, &away, 0.0);
     assert!(missed && last.iter().zip(away).all(|(a, b)| (a - b).abs() < 0.05), "{last:?}");
+}
+
+/// Set points that are told to forget begin with the reference once more, whatever the clock says.
+#[test]
+fn a_reference_of_set_points_begins_again() {
+    let mut controller = controller();
+    let mut arm = VirtualArm::new(&mut controller, &limits(), H, &[0.2, 0.3, 0.3, 0.3]).unwrap();
+    let mut go = |controller: &mut AnyController, from: i32, to: i32| {
+        for k in from..to {
+            arm.step(controller, 101.0 + H * f64::from(k), None, None).unwrap();
+        }
+        controller.path_time().unwrap()
+    };
+    assert!(go(&mut controller, 0, 10) <= 0.0);
+    assert!(go(&mut controller, 10, 1500) > 0.5);
+    controller.forget();
+    assert!(go(&mut controller, 1500, 1510) <= 0.0);
 }

@@ -1,17 +1,19 @@
 //! `Controller`: the torque law in somebody else's loop.
 
+mod around;
+
 use crate::arm::Arm;
-use crate::call::{Reference, finite_time, new_points, read_obstacles, sequence};
+use crate::call::{Reference, finite_time, new_points};
 use crate::convert::{any_vector, array1, document, number, vector, wrong_type};
 use crate::errors::{self, InputError};
 use crate::exclusive::Exclusive;
 use crate::loading::load_numpy;
 use crate::terms::Terms;
-use crate::watch::{attended, interruptible};
+use crate::watch::interruptible;
+use around::Around;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
-use std::mem::{replace, take};
 use std::sync::atomic::{AtomicBool, Ordering};
 use vff_core::control::output::Phase;
 use vff_core::math::memory;
@@ -69,8 +71,7 @@ pub struct Controller {
 
 struct Inner {
     controller: AnyController,
-    /// The obstacles around it, as they were given: the same again need not be read again.
-    obstacles: Vec<Py<PyAny>>,
+    around: Around,
 }
 
 /// One call as it is given.
@@ -101,7 +102,7 @@ impl Controller {
         let (q, dq) = (vector("q", call.q, self.n)?, vector("dq", call.dq, self.n)?);
         let reference = Reference::read(self.widths, Some(call.x), call.dx, call.ddx)?;
         let target = reference.numbers();
-        let done = self.among(py, call.obstacles, |controller| {
+        let done = self.asked_among(py, call.obstacles, |controller| {
             let tau = controller.torque(&q, &dq, &target, t)?.to_vec();
             let finite = tau.iter().all(|tau| tau.is_finite());
             Ok((take(&tau, controller), finite))
@@ -122,55 +123,6 @@ impl Controller {
     /// How many numbers a pose, its velocity and its acceleration have.
     pub fn widths(&self) -> [usize; 3] {
         self.widths
-    }
-
-    /// Does something with the law among the obstacles of the last call.
-    pub fn with<T>(
-        &self,
-        py: Python<'_>,
-        act: impl FnOnce(&mut AnyController) -> T,
-    ) -> PyResult<T> {
-        Ok(act(&mut self.inner.take(py)?.controller))
-    }
-
-    /// Does something with the law among these obstacles.
-    ///
-    /// Whatever may run Python code (arrays, obstacles) is read while the lock is not held: that
-    /// code may call this very controller.
-    pub fn among<T>(
-        &self,
-        py: Python<'_>,
-        obstacles: Option<&Bound<'_, PyAny>>,
-        act: impl FnOnce(&mut AnyController) -> T,
-    ) -> PyResult<T> {
-        let given = obstacles.map_or(Ok(vec![]), sequence)?;
-        let mut inner = self.inner.take(py)?;
-        let mut old = vec![];
-        if !inner.knows(py, &given) {
-            drop(inner);
-            let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
-            inner = self.inner.take(py)?;
-            inner.controller.surround(read).map_err(|error| errors::scenario(&error))?;
-            old = replace(&mut inner.obstacles, given.into_iter().map(Bound::unbind).collect());
-        }
-        let done = attended(|| act(&mut inner.controller));
-        if done.is_err() {
-            inner.controller.begin_anew();
-            old = take(&mut inner.obstacles);
-        }
-        drop(inner);
-        drop(old); // which may run Python code, too
-        done
-    }
-}
-
-impl Inner {
-    /// Whether these are the very obstacles of the last call. Only `Obstacle` is known not to
-    /// change; a dict is read every time.
-    fn knows(&self, py: Python<'_>, given: &[Bound<'_, PyAny>]) -> bool {
-        given.len() == self.obstacles.len()
-            && given.iter().zip(&self.obstacles).all(|(new, old)| new.is(old.bind(py)))
-            && !given.iter().any(|o| o.is_instance_of::<PyDict>())
     }
 }
 
@@ -208,7 +160,7 @@ impl Controller {
             nothing: arm.arm.no_obstacles(),
             summary: controller.summary(),
             strict,
-            inner: Exclusive::new("controller", Inner { controller, obstacles: vec![] }),
+            inner: Exclusive::new("controller", Inner { controller, around: Around::default() }),
         })
     }
 
@@ -298,6 +250,7 @@ impl Controller {
     /// Begin a loop that is watched over: from now on `cycle` says what is to be sent to the robot.
     ///
     /// The torque is blended in over the time `blend_time` of the settings' `command`, so that nothing jumps.
+    /// Set points of a `VirtualArm` with this controller are over then.
     ///
     /// Parameters
     /// ----------
@@ -459,7 +412,7 @@ impl Controller {
     /// What was left out since the loop began: ``late``, cycles that took longer than the
     /// deadline; ``cut``, cycles in which the look-ahead stopped for lack of time; ``rollouts`` that it did
     /// not make because of that; ``points`` of clouds beyond the 64 that ``cbf`` keeps of a link, counted
-    /// once a cycle; ``programs`` of ``cbf`` that ended with constraints left.
+    /// once a cycle; ``programs`` that ended with constraints left.
     #[getter]
     fn left_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.inner.take(py)?.controller.left_out().named().into_py_dict(py)
@@ -515,8 +468,28 @@ impl Controller {
     ) -> PyResult<(f64, f64, f64)> {
         let t = finite_time(t)?;
         let q = vector("q", q, self.n)?;
-        let found = self.among(py, obstacles, |controller| controller.stable_period(&q, t))?;
+        let found =
+            self.asked_among(py, obstacles, |controller| controller.stable_period(&q, t))?;
         Ok((found.period, found.stiffness, found.clearance))
+    }
+
+    /// Forget the past, so that the next state may be at any time.
+    ///
+    /// An energy tank is as full as at the start, an observer knows nothing, a look-ahead follows no
+    /// candidate. A loop that is over is left by it, and set points that have finished.
+    ///
+    /// Examples
+    /// --------
+    /// A second run whose time begins at 0 again begins with it.
+    ///
+    /// >>> controller = Controller(Arm.uniform(6), {"tank": {"capacity": 0.1, "initial": 0.02}})
+    /// >>> first = controller.torque([0.1] * 6, [0.5] * 6, x_ref=[4.0, 2.0], t=0.0)
+    /// >>> controller.reset()
+    /// >>> (first == controller.torque([0.1] * 6, [0.5] * 6, x_ref=[4.0, 2.0], t=0.0)).all()
+    /// np.True_
+    fn reset(&self, py: Python<'_>) -> PyResult<()> {
+        self.inner.take(py)?.controller.forget();
+        Ok(())
     }
 
     /// Put other points in place of those of a cloud, one of the obstacles of the last call.
@@ -566,9 +539,9 @@ impl Controller {
         let (given, j) = new_points(cloud, obstacle, velocities, t)?;
         let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
         let mut inner = self.inner.take(py)?;
-        if inner.obstacles.get(j).is_some_and(|given| given.bind(py).is_instance_of::<PyDict>()) {
+        if !inner.around.is_known(py, j) {
             return Err(InputError::new_err(
-                "obstacle: it was given as a dict, which every call reads anew; give an Obstacle",
+                "obstacle: it was given as a dict or the like, which every call reads anew; give an Obstacle",
             ));
         }
         let orientation = inner.controller.orientation_of_points(j).map_err(|e| fault(&e))?;

@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use numpy::{
     PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUnicodeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyUnicodeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use std::fmt;
@@ -401,7 +401,12 @@ pub fn read_matrix(name: &str, value: &Bound<'_, PyAny>, shape: [usize; 2]) -> P
 
 /// The numbers of an array, row by row.
 pub fn values(name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> PyResult<Vec<f64>> {
-    let values = array.readonly().as_slice()?.to_vec();
+    let array = array.readonly();
+    let (given, mut values) = (array.as_slice()?, vec![]);
+    if values.try_reserve_exact(given.len()).is_err() {
+        return Err(PyMemoryError::new_err(format!("{name}: no room for {} numbers", given.len())));
+    }
+    values.extend_from_slice(given);
     finite(name, &values)?;
     Ok(values)
 }

@@ -315,7 +315,11 @@ impl DriveLoop {
                     let sentence = format!("robot: has {} joints, the controller {n}", robot.n);
                     return Err(InputError::new_err(sentence));
                 }
-                let driver = Simulated(Arc::clone(&robot.inner));
+                let driver = Simulated {
+                    robot: Arc::clone(&robot.inner),
+                    driven: Arc::clone(&robot.driven),
+                    is_ours: false,
+                };
                 let (drive, exchange) = Loop::new(driver, law, settings).map_err(unstable)?;
                 (started(drive, take), exchange)
             }

@@ -94,6 +94,8 @@ struct Shown {
     q_plan: Option<Vec<f64>>,
     replans: ReplanCounts,
     released: Option<Vec<Option<&'static str>>>,
+    /// What obstacles that are felt press the arm with, all of them \[N\].
+    pressed: Option<f64>,
     arrays: [(&'static str, Vec<f64>); 9],
 }
 
@@ -130,13 +132,17 @@ impl Shown {
             q_plan: s.q_plan.map(<[f64]>::to_vec),
             replans: s.replans.unwrap_or_default(),
             released,
+            pressed: s.contact_force.map(|force| {
+                let along = |axis: usize| force.iter().skip(axis).step_by(s.dimension).sum::<f64>();
+                (0..s.dimension).map(|axis| along(axis).powi(2)).sum::<f64>().sqrt()
+            }),
             arrays: [
                 ("q", s.q.to_vec()),
                 ("dq", s.dq.to_vec()),
                 ("x", s.x.to_vec()),
                 ("x_ref", s.x_ref.to_vec()),
                 ("error", s.error.to_vec()),
-                ("clearance", s.clearance.to_vec()),
+                ("clearance", s.room().collect()),
                 ("tau", s.torque.total.clone()),
                 ("tau_vff", s.tau_vff.to_vec()),
                 ("power", s.power.values().to_vec()),
@@ -166,6 +172,7 @@ impl Shown {
         dict.set_item("replans", self.replans.taken)?;
         dict.set_item("times_stuck", self.replans.stuck)?;
         dict.set_item("released", self.released)?;
+        dict.set_item("pressed", self.pressed)?;
         let [at, with] = self.pushed;
         let pulled = self.pulled.map(|pull| [pull.wrench.point, pull.wrench.force, pull.anchor]);
         let [pulled_at, pulled_with, anchor] = pulled.unwrap_or_default();

@@ -8,6 +8,7 @@ use crate::run::prepared;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use vff_core::runtime::drive::{self, Driver, RATES};
 use vff_core::scenario::Scenario;
@@ -52,6 +53,8 @@ pub struct SimulatedRobot {
     pub inner: Arc<Mutex<drive::SimulatedRobot>>,
     pub n: usize,
     pub weightless: bool,
+    /// Whether a drive has it.
+    pub driven: Arc<AtomicBool>,
 }
 
 #[pymethods]
@@ -80,7 +83,8 @@ impl SimulatedRobot {
                 "arm: expected one of {n} joints, as in the scenario"
             )));
         }
-        Ok(Self { inner: Arc::new(Mutex::new(inner)), n, weightless })
+        let driven = Arc::default();
+        Ok(Self { inner: Arc::new(Mutex::new(inner)), n, weightless, driven })
     }
 
     /// Who adds the torque against gravity: ``"robot"`` with an `arm`, or where the scenario's ``command``
@@ -130,16 +134,36 @@ impl SimulatedRobot {
 }
 
 /// The shared one, in the loop.
-pub struct Simulated(pub Arc<Mutex<drive::SimulatedRobot>>);
+pub struct Simulated {
+    pub robot: Arc<Mutex<drive::SimulatedRobot>>,
+    /// Whether a drive has it, and whether that is this one.
+    pub driven: Arc<AtomicBool>,
+    pub is_ours: bool,
+}
+
+impl Drop for Simulated {
+    fn drop(&mut self) {
+        if self.is_ours {
+            self.driven.store(false, Ordering::Release);
+        }
+    }
+}
 
 impl Driver for Simulated {
+    fn begin(&mut self) -> Result<(), String> {
+        if self.driven.swap(true, Ordering::AcqRel) {
+            return Err("another drive has this robot; stop that first".into());
+        }
+        self.is_ours = true;
+        Ok(())
+    }
     fn read(&mut self, q: &mut [f64], dq: &mut [f64]) -> Result<f64, String> {
-        lock(&self.0).read(q, dq)
+        lock(&self.robot).read(q, dq)
     }
     fn external_torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
-        lock(&self.0).external_torque(tau)
+        lock(&self.robot).external_torque(tau)
     }
     fn write(&mut self, command: &[f64]) -> Result<(), String> {
-        lock(&self.0).write(command)
+        lock(&self.robot).write(command)
     }
 }

@@ -62,7 +62,7 @@ impl Inner {
     }
 
     fn refresh(&mut self) {
-        self.collided |= self.run.snapshot().clearance.iter().any(|d| *d < 0.0);
+        self.collided |= self.run.snapshot().collides();
     }
 
     fn present(&self) -> PyResult<State> {
@@ -77,7 +77,13 @@ impl Inner {
     /// Goes to the end of the control period, or until a signal handler raises.
     fn advance(&mut self, tau: Option<&[f64]>) {
         if self.left == 0 {
-            self.left = self.scenario.simulation.control_every;
+            let Scenario { simulation, duration, .. } = &self.scenario;
+            let rest = simulation.steps(*duration).saturating_sub(self.steps);
+            self.left = if rest > 0 {
+                rest.min(simulation.control_every)
+            } else {
+                simulation.control_every
+            };
         }
         while self.left > 0 && !self.diverged && !is_heard() {
             self.diverged = !self.run.advance(tau);
@@ -117,7 +123,8 @@ impl Simulation {
     /// Parameters
     /// ----------
     /// tau : (n,) array_like, optional
-    ///     Joint torque [N·m] to hold during the period; the scenario's own law by default.
+    ///     What is sent to the robot [N·m] during the period, without gravity where that adds it, as
+    ///     `Controller.torque` has it; the scenario's own law by default.
     ///
     /// Returns
     /// -------

@@ -8,8 +8,7 @@ use crate::exclusive::Exclusive;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use vff_core::math::ScalarOrVec;
-use vff_core::math::rotation::NotARotation;
-use vff_core::runtime::{self, Course, SetPointLimits, VirtualArmError};
+use vff_core::runtime::{self, Course, CycleError, SetPointLimits, VirtualArmError};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -20,6 +19,9 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 /// its torque, and the barriers of ``cbf`` act as early as they need. Where a joint of the robot and its set
 /// point part by more than `threshold`, the model comes to the robot, within the same limits, until they are
 /// within a quarter of that.
+///
+/// From now on the controller is that of set points: a loop of torques that it has begun is over, as are
+/// these once it begins another one, or forgets them by `Controller.reset` after they have finished.
 ///
 /// Parameters
 /// ----------
@@ -156,7 +158,12 @@ impl VirtualArm {
         let measured = q.as_deref().zip(dq.as_deref()).map(|(q, dq)| [q, dq]);
         let done: PyResult<([Vec<f64>; 3], Course)> = law.among(py, obstacles, |controller| {
             let mut inner = self.inner.take(py)?;
-            let fault = |fault: NotARotation| InputError::new_err(fault.to_string());
+            let fault = |fault: CycleError| match fault {
+                CycleError::NotBegun => InputError::new_err(
+                    "its set points are over: the controller has begun another loop, or has been reset",
+                ),
+                fault => InputError::new_err(fault.to_string()),
+            };
             let course = inner.step(controller, t, reference.target().as_ref(), measured);
             Ok((inner.set_point().map(<[f64]>::to_vec), course.map_err(fault)?))
         })?;

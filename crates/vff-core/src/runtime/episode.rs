@@ -62,7 +62,7 @@ pub struct EpisodeSettings {
 pub struct Weights {
     /// For every step that the episode goes on.
     pub alive: f64,
-    /// Against the distance of the end effector from its reference \[1/m\].
+    /// Against the distance of the end effector from its reference, an angle counting as its arc at the arm's characteristic length \[1/m\].
     pub tracking: f64,
     /// Against the square of the share of `margin` that is used up.
     pub clearance: f64,

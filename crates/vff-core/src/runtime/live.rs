@@ -231,9 +231,9 @@ impl Live {
         Some(parts)
     }
 
-    /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.
+    /// Smallest signed surface distance since the start or the last reset \[m\], but from what a tip presses on; ∞ without obstacles.
     pub fn min_clearance(&self) -> f64 {
-        self.metrics.min_clearance().0
+        self.metrics.min_room()
     }
 
     /// What has been measured since the start or the last reset, of every control period. There is no tail.

@@ -3,10 +3,9 @@
 //! The joints of the model have limits of speed, acceleration and jerk ([`LimitedJoint`]), and the law sees what they make of it. If the
 //! robot parts from the model, because it is held or its drives are weak, the model comes to the robot within the same limits.
 
-use super::controller::{AnyController, MissedStart, Target};
+use super::controller::{AnyController, CycleError, MissedStart, Target};
 use crate::control::MotionLimits;
 use crate::control::output::{BeginError, unwrap};
-use crate::math::rotation::NotARotation;
 use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
 use crate::trajectory::{JointSpline, Peaks};
 use std::mem::swap;
@@ -180,7 +179,7 @@ impl VirtualArm {
     const MET: f64 = 0.25;
     /// Cycles in a row without a word of the robot after which the model stops.
     const PATIENCE: usize = 20;
-    /// A joint that is no faster stands \[rad/s, m/s\].
+    /// A joint that is no faster stands \[rad/s, m/s\], if it can come to rest within a period by what its limits allow.
     const STANDS: f64 = 1e-3;
 
     /// The model of the arm of `controller`, at rest at `q`, in cycles of `period` \[s\]; see [`begin`](Self::begin).
@@ -200,6 +199,11 @@ impl VirtualArm {
         }
         this.begin(controller, q)?;
         Ok(this)
+    }
+
+    /// What the joints can do.
+    pub(super) fn able(&self) -> &MotionLimits {
+        &self.able
     }
 
     /// One that has yet to begin.
@@ -269,8 +273,7 @@ impl VirtualArm {
         if let Some(index) = q.iter().position(|q| !q.is_finite()) {
             return Err(VirtualArmError::NotFinite { index, given: q[index] });
         }
-        controller.limit_motion(Some(&self.able));
-        controller.begin_at_rest(q)?;
+        controller.begin_at_rest(q, Some((&self.able, self.period)))?;
         self.heard_at.copy_from_slice(q);
         self.said.copy_from_slice(q);
         for (joint, q) in self.joints.iter_mut().zip(q) {
@@ -315,7 +318,7 @@ impl VirtualArm {
     /// none are no word of it.
     ///
     /// # Errors
-    /// If the target is no reference; then nothing has changed.
+    /// If the target is no reference, or `controller` has begun another loop since, or has forgotten these after their end; then nothing has changed.
     ///
     /// # Panics
     /// If a slice has the wrong length.
@@ -325,13 +328,20 @@ impl VirtualArm {
         t: f64,
         target: Option<&Target<'_>>,
         measured: Option<[&[f64]; 2]>,
-    ) -> Result<Course, NotARotation> {
+    ) -> Result<Course, CycleError> {
+        if !controller.sets_points() {
+            return Err(CycleError::NotBegun);
+        }
+        target.map_or(Ok(()), |target| controller.check(target))?;
         let measured =
             measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
         let measured = measured.filter(|[q, _]| self.hear(q));
         controller.observe(&self.out[0], &self.out[1], t);
         controller.accelerate(target, true, &mut self.wanted)?;
         self.course = self.choose(measured.is_some());
+        if self.course == Course::Finished {
+            controller.end_set_points();
+        }
         let rate = MotionLimits::RATE;
         let reacts = controller.settings().fastest_rate();
         let [share, brake] = self.able.share(&self.wanted, &self.out[1], reacts);
@@ -376,7 +386,12 @@ impl VirtualArm {
     /// What the next set point comes from.
     fn choose(&mut self, is_heard: bool) -> Course {
         if self.stops {
-            let stands = |joint: &LimitedJoint| joint.motion().dq.abs() <= Self::STANDS;
+            let h = self.period;
+            let stands = |joint: &LimitedJoint| {
+                let JointBounds { acceleration, jerk, .. } = joint.bounds();
+                let most = Self::STANDS.min(0.5 * acceleration * h).min(0.5 * jerk * h * h);
+                joint.motion().dq.abs() <= most && joint.motion().ddq.abs() <= 0.5 * jerk * h
+            };
             return match self.joints.iter().all(stands) {
                 true => Course::Finished,
                 false => Course::Stopping,

@@ -1,5 +1,6 @@
 //! The law in somebody else's loop: any arm with any task, in slices of numbers.
 
+mod errors;
 mod fading;
 mod followed;
 mod standalone;
@@ -28,6 +29,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use toml::Table;
 
+pub use errors::{CycleError, SuccessionError};
 pub use followed::MissedStart;
 pub use target::{FromNumbers, Target};
 pub use terms::{Scalars, Terms, TermsView};
@@ -41,77 +43,6 @@ pub struct Reading<'a> {
     pub q: &'a [f64],
     /// \[rad/s, m/s\], (n).
     pub dq: &'a [f64],
-}
-
-/// Why a cycle is none.
-///
-/// # Example
-/// ```
-/// use vff_core::runtime::controller::Surroundings;
-/// use vff_core::runtime::{AnyArm, AnyController, CycleError, Reading};
-///
-/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let arm = AnyArm::read(&toml::toml! { lengths = [0.5, 0.5] masses = 2.0 })?;
-/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
-/// let state = Reading { t: 0.0, q: &[0.4, 0.5], dq: &[0.0; 2] };
-/// assert_eq!(controller.cycle(Some(state), None), Err(CycleError::NotBegun));
-/// // Obstacles that another thread has made ready take the place of those that are there.
-/// let mut around: Surroundings = controller.surroundings();
-/// controller.exchange(&mut around, 0.0);
-/// # Ok(())
-/// # }
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum CycleError {
-    /// See [`begin`](ErasedController::begin).
-    #[error("the loop has not begun")]
-    NotBegun,
-    /// The target is no reference.
-    #[error(transparent)]
-    Target(#[from] NotARotation),
-    /// A loop does not begin where the robot is.
-    #[error(transparent)]
-    Elsewhere(#[from] MissedStart),
-}
-
-/// Why a law does not take the place of another one.
-///
-/// # Example
-/// ```
-/// use vff_core::runtime::{AnyArm, AnyController, ErasedController, SuccessionError};
-///
-/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
-/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
-/// controller.begin(0.001, None)?;
-/// let pose = AnyController::new(&arm, &toml::toml! { task = "pose" })?;
-/// let law: &dyn ErasedController = &*controller;
-/// assert!(matches!(law.successor(&pose), Err(SuccessionError::Another)));
-/// # Ok(())
-/// # }
-/// ```
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SuccessionError {
-    /// Its robot or task is another one.
-    #[error("a loop keeps its joints, by number and name, its task and its space")]
-    Another,
-    /// Its `command` is another one.
-    #[error("command: a loop keeps what it has begun with")]
-    Command,
-    /// The last succession is under way.
-    #[error("the law before is still being left")]
-    Succeeding,
-    /// Its observer follows what the robot does not measure.
-    #[error(
-        "observer.source = \"measured\": the robot measures no torque from outside; \"momentum\" estimates it"
-    )]
-    Unmeasured,
-    /// It is not for the period of the loop.
-    #[error(transparent)]
-    Period(#[from] BeginError),
-    /// It has no room for the obstacles.
-    #[error(transparent)]
-    Room(#[from] ScenarioError),
 }
 
 /// What is around an arm, ready to be asked: the obstacles of one controller, for another one with the same arm.
@@ -304,6 +235,18 @@ pub trait ErasedController: Debug + Send {
 
     /// What it is among, as a copy.
     fn surroundings(&self) -> Surroundings;
+
+    /// What it would be among with these obstacles around. Allocates.
+    ///
+    /// # Errors
+    /// As [`surround`](Self::surround), which panics as this does.
+    fn surroundings_of(&self, obstacles: AnyObstacles) -> Result<Surroundings, ScenarioError>;
+
+    /// Exchanges what it is among for what is [asked](Self::surroundings_of) about, and back. Allocates.
+    ///
+    /// # Panics
+    /// If they are not those of the arm's space.
+    fn lend(&mut self, other: &mut Surroundings);
 
     /// Exchanges what it is among for the [`surroundings`](Self::surroundings) of another controller with the same arm and
     /// settings, whose motions begin at time `epoch` \[s\]. Allocates where there is more in them than ever before.
@@ -519,14 +462,19 @@ pub trait ErasedController: Debug + Send {
     /// Whether it has a reference of its own, that of its scenario.
     fn has_reference(&self) -> bool;
 
-    /// Why the arm, where it was observed, is too far from where this reference begins; None if it is not, or that has begun.
-    fn missed_start(&self) -> Option<MissedStart>;
+    /// Why no loop may begin with the arm at `q` \[rad, m\], (n), on this reference; None if it may. Allocates.
+    fn missed_start(&self, q: &[f64]) -> Option<MissedStart>;
 
-    /// Forgets the past of an arm that is at rest at `q` \[rad, m\], (n). The reference of its scenario begins with the first cycle.
+    /// Forgets the past of an arm that is at rest at `q` \[rad, m\], (n). The reference of its scenario begins with the first cycle. If
+    /// set points begin, these are the [limits](Self::limit_motion) of the joints and the period \[s\].
     ///
     /// # Errors
     /// If a joint is far beyond its stops; then nothing has changed.
-    fn begin_at_rest(&mut self, q: &[f64]) -> Result<(), MissedStart>;
+    fn begin_at_rest(
+        &mut self,
+        q: &[f64],
+        set_points: Option<(&MotionLimits, f64)>,
+    ) -> Result<(), MissedStart>;
 
     /// Where the clock of this reference is \[s\]: in a loop that is watched over it begins when the torque has been blended in, and
     /// with `governor` it waits. None without such a reference.
@@ -541,8 +489,14 @@ pub trait ErasedController: Debug + Send {
     fn has_plans(&self) -> bool;
 
     /// The joints are moved within these limits from now on, or, without any, by the torque: barriers and other plans reckon with that
-    /// (T201). Forgets the past.
+    /// (T201). Forgets the past, and ends a loop of torques that is watched over.
     fn limit_motion(&mut self, limits: Option<&MotionLimits>);
+
+    /// Whether they are, which makes set points.
+    fn sets_points(&self) -> bool;
+
+    /// The set points are over: [`forget`](Self::forget) leaves them, and the joints are moved by the torque then.
+    fn end_set_points(&mut self);
 
     /// The searches for another plan so far.
     fn replans(&self) -> &[Replanned];
@@ -559,7 +513,7 @@ pub trait ErasedController: Debug + Send {
     /// What was left out since the loop began: for lack of time before its deadline, or because of a bound.
     fn left_out(&self) -> LeftOut;
 
-    /// Forgets the past, not the obstacles. Does not allocate.
+    /// Forgets the past, not the obstacles. Does not allocate, but where it leaves a loop that is over, or set points.
     fn forget(&mut self);
 
     /// What it is, for those who know.

@@ -5,6 +5,7 @@ mod beginning;
 mod made;
 mod placing;
 mod succession;
+mod watched;
 
 use super::fading::Fading;
 use super::followed::Followed;
@@ -57,7 +58,7 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     warnings: Vec<String>,
     /// How far the arm reaches \[m\].
     reach: f64,
-    /// The time of the obstacles at the last state of a loop that is watched over \[s\].
+    /// The time of the obstacles at the last state of a loop that is watched over or sets points \[s\].
     reached: Option<f64>,
     /// The instant of the last call \[s\].
     last: Option<f64>,
@@ -71,6 +72,9 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     aside: Option<Box<Aside<S, D, M>>>,
     /// Whether that of the loop is the one aside.
     is_aside: bool,
+    /// Whether the joints are moved within limits, which makes set points, and whether these are over.
+    sets_points: bool,
+    are_points_over: bool,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
@@ -207,6 +211,16 @@ where
         Surroundings(Box::new(self.world.clone()))
     }
 
+    fn surroundings_of(&self, obstacles: AnyObstacles) -> Result<Surroundings, ScenarioError> {
+        let obstacles = obstacles.into_vec().expect("obstacles of the arm's space");
+        Ok(Surroundings(Box::new(self.world_of(obstacles)?)))
+    }
+
+    fn lend(&mut self, other: &mut Surroundings) {
+        swap(&mut self.world, other.0.downcast_mut().expect("obstacles of the arm's space"));
+        self.reserve();
+    }
+
     fn exchange(&mut self, other: &mut Surroundings, epoch: f64) {
         let now = self.world.time() + self.epoch;
         swap(&mut self.world, other.0.downcast_mut().expect("obstacles of the arm's space"));
@@ -314,18 +328,7 @@ where
     }
 
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
-        self.come_back();
-        self.move_by_torque();
-        let robot = self.controller.robot().clone();
-        let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
-        self.supervisor = Some(Box::new(supervisor.counting_turns(self.arm.endless())));
-        self.aside = Some(Aside::like(&self.controller));
-        self.period = Some(period);
-        self.placed.fill(None); // on a clock that may be another one
-        self.reserve();
-        self.keep_time();
-        self.forget();
-        Ok(())
+        self.watch_over(period, measured)
     }
 
     fn cycle(
@@ -333,40 +336,7 @@ where
         reading: Option<Reading<'_>>,
         target: Option<&Target<'_>>,
     ) -> Result<Phase, CycleError> {
-        target.map_or(Ok(()), S::State::check)?;
-        self.come_back();
-        let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
-        let is_first = supervisor.now().is_none();
-        let news = reading.and_then(|Reading { t, q, dq }| supervisor.admit(t, q, dq));
-        if let Some(t) = news {
-            let [q, dq] = supervisor.state();
-            if is_first {
-                self.begin_at(t);
-            }
-            let elapsed = self.observe_at(q, dq, t);
-            self.reached = Some(t - self.epoch);
-            let begins = !supervisor.has_begun() && supervisor.wants_torque();
-            let elsewhere = || self.missed().filter(|_| target.is_none());
-            if begins && let Some(missed) = self.far_beyond(q).or_else(elsewhere) {
-                self.supervisor = Some(supervisor);
-                return Err(missed.into());
-            }
-            supervisor.report(&mut self.controller, elapsed);
-            self.left().into_iter().for_each(|left| supervisor.report_too(left));
-        }
-        let wanted = news.is_some() && supervisor.wants_torque();
-        if wanted {
-            supervisor.announce(&mut self.controller);
-            self.left().into_iter().for_each(|left| supervisor.announce(left));
-            self.act_for(target, true);
-        }
-        let phase = match news {
-            Some(_) if wanted => supervisor.follow(&mut self.controller),
-            Some(_) => supervisor.rest(&mut self.controller),
-            None => supervisor.miss(),
-        };
-        self.supervisor = Some(supervisor);
-        Ok(phase)
+        self.watched_cycle(reading, target)
     }
 
     fn sent(&self) -> Option<&[f64]> {
@@ -408,14 +378,23 @@ where
 
     fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
         self.step_aside();
-        let elapsed = self.observe_at(q, dq, self.loop_time(t));
+        let t = self.loop_time(t);
+        if self.sets_points && self.last.is_none() {
+            self.begin_at(t);
+        }
+        let elapsed = self.observe_at(q, dq, t);
+        if self.sets_points {
+            self.reached = Some(t - self.epoch);
+        }
         // A loop of the caller's own, or of set points, where none is watched.
         if self.aside.is_none() {
-            let Self { controller, fading, .. } = self;
+            let Self { controller, fading, output, .. } = self;
+            let mut output = output.as_deref_mut().filter(|_| !self.sets_points);
             if let Some(fading) = fading.as_mut().filter(|fading| fading.is_left()) {
-                fading.controller.hear(None, &controller.torque().total, Some(elapsed));
+                let total = &controller.torque().total;
+                fading.controller.hear_wanted(output.as_deref_mut(), Some(total), elapsed);
             }
-            controller.hear_itself(elapsed);
+            controller.hear_wanted(output, None, elapsed);
         }
     }
 
@@ -476,12 +455,21 @@ where
         self.followed.is_some()
     }
 
-    fn missed_start(&self) -> Option<MissedStart> {
-        self.missed()
+    fn missed_start(&self, q: &[f64]) -> Option<MissedStart> {
+        self.far_beyond(q).or_else(|| self.missed_at(q))
     }
 
-    fn begin_at_rest(&mut self, q: &[f64]) -> Result<(), MissedStart> {
-        self.stand_at(q)?;
+    fn begin_at_rest(
+        &mut self,
+        q: &[f64],
+        set_points: Option<(&MotionLimits, f64)>,
+    ) -> Result<(), MissedStart> {
+        self.far_beyond(q).map_or(Ok(()), Err)?;
+        if let Some((limits, period)) = set_points {
+            self.period = self.period.and(Some(period)); // time counts where it has counted
+            self.move_within(Some(limits));
+        }
+        self.stand_at(q);
         self.forget();
         self.followed.iter_mut().for_each(|followed| followed.restart(true));
         Ok(())
@@ -502,6 +490,14 @@ where
 
     fn limit_motion(&mut self, limits: Option<&MotionLimits>) {
         self.move_within(limits);
+    }
+
+    fn sets_points(&self) -> bool {
+        self.sets_points
+    }
+
+    fn end_set_points(&mut self) {
+        self.are_points_over = self.sets_points;
     }
 
     fn plan(&self) -> Option<&JointSpline> {
@@ -526,19 +522,12 @@ where
     }
 
     fn left_out(&self) -> LeftOut {
-        self.left_out.with(self.controller.left_out())
+        let aside = self.aside.as_ref().filter(|_| self.is_aside);
+        self.left_out.with(aside.map_or(&self.controller, |aside| &aside.controller).left_out())
     }
 
     fn forget(&mut self) {
-        self.come_back();
-        self.left_out = LeftOut::default();
-        self.controller.reset();
-        self.end_fading();
-        self.last = None;
-        let is_watched = self.supervisor.is_some();
-        if let Some(followed) = &mut self.followed {
-            followed.restart(is_watched);
-        }
+        self.forget_past();
     }
 
     fn terms_view(&self) -> TermsView<'_> {

@@ -170,6 +170,7 @@ impl<D: Driver> Loop<D> {
             kind => {
                 let limits = options.limits.as_ref().ok_or(DriveError::NoLimits)?;
                 let model = VirtualArm::anywhere(&controller, limits, period)?;
+                controller.limit_motion(Some(model.able())); // which other laws will keep, too
                 Some((model, kind == CommandKind::Position))
             }
         };
@@ -281,7 +282,7 @@ impl Inner {
         }
         self.last = f64::NEG_INFINITY;
         let refused = |why: &dyn ToString| Fault::Begin(why.to_string());
-        self.controller.begin_at_rest(&self.q).map_err(|beyond| refused(&beyond))?;
+        self.controller.begin_at_rest(&self.q, None).map_err(|beyond| refused(&beyond))?;
         self.controller.observe(&self.q, &self.dq, 0.0);
         let mut measured = vec![0.0; self.q.len()];
         if is_felt {
@@ -307,7 +308,7 @@ impl Inner {
         }
         if !controller.has_reference() {
             self.given = Some((now.clone(), 0.0));
-        } else if let Some(missed) = controller.missed_start() {
+        } else if let Some(missed) = controller.missed_start(&self.q) {
             return Err(refused(&missed));
         }
         Ok(())

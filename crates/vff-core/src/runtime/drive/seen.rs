@@ -1,13 +1,13 @@
 //! When obstacles were seen that others follow.
 
-/// So many can be followed at once; more are not watched over.
-const MOST: usize = 256;
+/// Obstacles with smaller numbers can be followed; others are not watched over.
+const MOST: usize = 4096;
 
 /// Obstacles that somebody sees from time to time. Nothing allocates after construction.
 #[derive(Debug)]
 pub(super) struct Seen {
-    /// Which, and when it was seen last \[s\].
-    last: Vec<(usize, f64)>,
+    /// When each was seen last \[s\], −∞ if it never was; up to the last one that was.
+    last: Vec<f64>,
 }
 
 impl Seen {
@@ -17,10 +17,11 @@ impl Seen {
 
     /// Obstacle `j` was seen at time `t` \[s\].
     pub(super) fn add(&mut self, j: usize, t: f64) {
-        if let Some((_, last)) = self.last.iter_mut().find(|(obstacle, _)| *obstacle == j) {
+        if j >= self.last.len() && j < MOST {
+            self.last.resize(j + 1, f64::NEG_INFINITY);
+        }
+        if let Some(last) = self.last.get_mut(j) {
             *last = last.max(t);
-        } else if self.last.len() < MOST {
-            self.last.push((j, t));
         }
     }
 
@@ -31,6 +32,7 @@ impl Seen {
 
     /// Which was last seen longer than `patience` \[s\] before `t`, and when.
     pub(super) fn missing(&self, t: f64, patience: f64) -> Option<(usize, f64)> {
-        self.last.iter().copied().find(|(_, last)| t - last > patience)
+        let seen = self.last.iter().copied().enumerate().filter(|(_, last)| last.is_finite());
+        seen.into_iter().find(|(_, last)| t - last > patience)
     }
 }

@@ -57,15 +57,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         self.is_aside = true;
     }
 
-    /// At which period damping is stable with the arm at rest at `q` \[rad, m\].
+    /// At which period damping is stable with the arm at rest at `q` \[rad, m\]: asked of a copy, for the law goes on from its last state.
     pub(super) fn stable_period_at(&mut self, q: &[f64], t: f64) -> StablePeriod {
-        self.step_aside();
-        if self.spoilt {
-            self.reset();
-        }
-        self.world.update(self.loop_time(t) - self.epoch);
-        self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
-        self.controller.stable_period(&mut self.world)
+        let mut asked = self.controller.clone();
+        let (now, then) = (self.world.time(), self.loop_time(t) - self.epoch);
+        self.world.update(then);
+        asked.observe(q, &vec![0.0; q.len()], &mut self.world);
+        let found = asked.stable_period(&mut self.world);
+        self.world.update(now);
+        found
     }
 
     /// Goes on from what the last cycle has left behind.

@@ -17,12 +17,18 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         followed.missed_start(robot.configuration(), &robot.pose())
     }
 
-    /// Sees the arm at rest at `q`, from where the reference of the scenario begins once more.
-    pub(super) fn stand_at(&mut self, q: &[f64]) -> Result<(), MissedStart> {
-        self.far_beyond(q).map_or(Ok(()), Err)?;
+    /// The same of an arm at `q`, when the reference begins once more.
+    pub(super) fn missed_at(&self, q: &[f64]) -> Option<MissedStart> {
+        let followed = self.followed.as_ref()?;
+        let mut robot = self.controller.robot().clone();
+        robot.update_positions(q);
+        followed.missed_start(q, &robot.pose())
+    }
+
+    /// Sees the arm at rest at `q`.
+    pub(super) fn stand_at(&mut self, q: &[f64]) {
         self.come_back();
         self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
-        Ok(())
     }
 
     /// The joint that is farthest beyond what a loop may begin with, if one is.

@@ -14,7 +14,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// How many controllers have been made of settings.
-static KIN: AtomicU64 = AtomicU64::new(0);
+static KIN: AtomicU64 = AtomicU64::new(USED + 1);
+/// The number of a law that has taken the place of another one, and has what is left of that.
+pub(super) const USED: u64 = 0;
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// Among no obstacles.
@@ -44,6 +46,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             spoilt: false,
             aside: None,
             is_aside: false,
+            sets_points: false,
+            are_points_over: false,
             settings,
         };
         this.keep_time();
@@ -93,10 +97,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// From now on the joints are moved within these limits, or, without any, by the torque. Forgets the past.
     pub(super) fn move_within(&mut self, limits: Option<&MotionLimits>) {
-        if limits.is_some() {
-            self.come_back();
-            self.aside = None; // a loop of torques that was watched over before is over
-        }
+        self.come_back();
+        self.end_watch();
+        (self.sets_points, self.are_points_over) = (limits.is_some(), false);
+        self.placed.fill(None); // on a clock that may be another one
         // A plan that is followed was made within them, and what stands around is counted in it.
         let free = !self.followed.as_ref().is_some_and(|followed| followed.has_plans());
         let moved = limits.filter(|_| free).cloned();
@@ -106,12 +110,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         }
     }
 
-    /// From now on the joints are moved by the torque, if they are not.
-    pub(super) fn move_by_torque(&mut self) {
-        match self.controller.gains().moved {
-            Some(_) => self.move_within(None),
-            None => self.followed.iter_mut().for_each(|followed| followed.limit(None)),
-        }
+    /// Nobody watches over a loop of torques any more.
+    pub(super) fn end_watch(&mut self) {
+        (self.supervisor, self.aside) = (None, None);
     }
 
     /// Makes it as new, among the same obstacles.
@@ -147,6 +148,18 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         &mut self,
         obstacles: Vec<<S::Geometry as ObstacleGeometry<D>>::Obstacle>,
     ) -> Result<(), ScenarioError> {
+        self.world = self.world_of(obstacles)?;
+        self.reached = None;
+        self.placed.clear();
+        self.reserve();
+        Ok(())
+    }
+
+    /// What is around with these obstacles.
+    pub(super) fn world_of(
+        &self,
+        obstacles: Vec<<S::Geometry as ObstacleGeometry<D>>::Obstacle>,
+    ) -> Result<World<S::Geometry, D>, ScenarioError> {
         let links = self.arm.link_names();
         for (j, obstacle) in obstacles.iter().enumerate() {
             scenario::known_links(obstacle, &links)
@@ -155,11 +168,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let mut world = World::<S::Geometry, D>::new(obstacles);
         world.know_links(&links);
         self.fits(world.barrier_count())?;
-        self.world = world;
-        self.reached = None;
-        self.placed.clear();
-        self.reserve();
-        Ok(())
+        Ok(world)
     }
 
     /// Whether there is room for so many distances of each link.
@@ -169,7 +178,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// Allocates all that the next torques need among these obstacles.
     pub(super) fn reserve(&mut self) {
-        self.placed.resize(self.world.len(), None);
+        self.placed.resize(self.world.len().max(self.placed.len()), None);
         let Self { controller, aside, fading, followed, world, .. } = self;
         let (other, left) = match aside.as_deref_mut() {
             Some(aside) => (Some(&mut aside.controller), aside.fading.as_mut()),

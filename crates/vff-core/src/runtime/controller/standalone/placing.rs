@@ -6,17 +6,19 @@ use crate::math::Vector;
 use crate::simulation::System;
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
-    /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over that clock may have been
-    /// set since the last state: what is said to be a second away from now is now. Before its first state, a time that lies back
-    /// is of another clock than the last loop's, and the obstacles are where they were.
+    /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over, as long as it is not over,
+    /// that clock may have been set since the last state: what is said to be a second away from now is now. Before its first state, a time
+    /// that lies back is of another clock than the last loop's, and the obstacles are where they were; as before the first of set points.
     pub(super) fn world_time(&self, t: f64) -> f64 {
         let at = self.loop_time(t) - self.epoch;
-        let Some(supervisor) = &self.supervisor else { return at };
-        match supervisor.now().map(|now| now - self.epoch) {
-            Some(now) if (at - now).abs() > Clock::LONGEST => now,
-            Some(_) => at,
-            None => self.gone_back(at).unwrap_or(at),
-        }
+        let begins = match self.supervisor.as_ref().filter(|it| !it.phase().is_over()) {
+            Some(supervisor) => match supervisor.now().map(|now| now - self.epoch) {
+                Some(now) if (at - now).abs() > Clock::LONGEST => return now,
+                now => now.is_none(),
+            },
+            None => self.sets_points && self.last.is_none(),
+        };
+        self.gone_back(at).filter(|_| begins).unwrap_or(at)
     }
 
     /// What the last loop has reached, if `at` \[s\] lies so far before that its clock is another one.
@@ -24,7 +26,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         self.reached.filter(|reached| at < reached - Clock::LONGEST)
     }
 
-    /// The first state of a loop that is watched over is of time `t` \[s\]: where that lies back, time goes on from what the last
+    /// The first state of a loop that is watched over or sets points is of time `t` \[s\]: where that lies back, time goes on from what the last
     /// loop has reached.
     pub(super) fn begin_at(&mut self, t: f64) {
         if let Some(reached) = self.gone_back(t - self.epoch) {

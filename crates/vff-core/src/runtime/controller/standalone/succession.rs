@@ -4,6 +4,7 @@ use super::super::SuccessionError;
 use super::super::fading::Fading;
 use super::Standalone;
 use super::aside::Aside;
+use super::made::USED;
 use crate::control::output::BeginError;
 use crate::robot::{Model, Robot};
 use crate::simulation::System;
@@ -15,6 +16,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     pub(super) fn made_like(&self, like: &Self) -> Result<Self, SuccessionError> {
         let joints =
             |arm: &S::Arm| -> Vec<String> { (0..arm.dof()).map(|i| arm.joint_name(i)).collect() };
+        if self.kin == USED {
+            return Err(SuccessionError::Used);
+        }
         if joints(&like.arm) != joints(&self.arm) {
             return Err(SuccessionError::Another);
         }
@@ -45,6 +49,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         duration: f64,
     ) -> Result<bool, SuccessionError> {
         self.come_back();
+        if next.kin == USED {
+            return Err(SuccessionError::Used);
+        }
         if self.left().is_some() {
             return Err(SuccessionError::Succeeding);
         }
@@ -81,7 +88,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
                 followed.lead(controller.robot());
             }
         }
-        next.fading = self.fading.replace(fading);
+        (next.fading, next.kin) = (self.fading.replace(fading), USED);
         Ok(is_same)
     }
 }

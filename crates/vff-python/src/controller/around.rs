@@ -1,0 +1,110 @@
+//! Among which obstacles the law is asked.
+
+use super::Controller;
+use crate::call::{read_obstacles, sequence};
+use crate::errors;
+use crate::watch::attended;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyType;
+use std::mem::{replace, take};
+use vff_core::runtime::{AnyController, AnyObstacles};
+
+/// The obstacles of the last call, as they were given: the same again need not be read again.
+#[derive(Default)]
+pub(super) struct Around(Vec<Py<PyAny>>);
+
+impl Around {
+    /// Whether these are the very obstacles of the last call, and none can have changed.
+    fn knows(&self, py: Python<'_>, given: &[Bound<'_, PyAny>]) -> bool {
+        given.len() == self.0.len()
+            && given.iter().zip(&self.0).all(|(new, old)| new.is(old.bind(py)))
+            && given.iter().all(stays)
+    }
+
+    /// Whether number `j` is not read anew by every call; what is not there is refused later.
+    pub fn is_known(&self, py: Python<'_>, j: usize) -> bool {
+        self.0.get(j).is_none_or(|given| stays(given.bind(py)))
+    }
+}
+
+/// Whether this is an `Obstacle`, which does not change: anything else is read every time.
+fn stays(given: &Bound<'_, PyAny>) -> bool {
+    static OBSTACLE: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+    let obstacle = OBSTACLE.import(given.py(), "vffnull.model.obstacle", "Obstacle");
+    obstacle.is_ok_and(|obstacle| given.get_type().is(obstacle))
+}
+
+impl Controller {
+    /// Does something with the law among the obstacles of the last call.
+    pub fn with<T>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut AnyController) -> T,
+    ) -> PyResult<T> {
+        Ok(act(&mut self.inner.take(py)?.controller))
+    }
+
+    /// Does something with the law among these obstacles.
+    ///
+    /// Whatever may run Python code (arrays, obstacles) is read while the lock is not held: that
+    /// code may call this very controller.
+    pub fn among<T>(
+        &self,
+        py: Python<'_>,
+        obstacles: Option<&Bound<'_, PyAny>>,
+        act: impl FnOnce(&mut AnyController) -> T,
+    ) -> PyResult<T> {
+        self.among_those(py, obstacles.map_or(Ok(vec![]), sequence)?, act)
+    }
+
+    fn among_those<T>(
+        &self,
+        py: Python<'_>,
+        given: Vec<Bound<'_, PyAny>>,
+        act: impl FnOnce(&mut AnyController) -> T,
+    ) -> PyResult<T> {
+        let mut inner = self.inner.take(py)?;
+        let mut old = vec![];
+        if !inner.around.knows(py, &given) {
+            drop(inner);
+            let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
+            inner = self.inner.take(py)?;
+            inner.controller.surround(read).map_err(|error| errors::scenario(&error))?;
+            old = replace(&mut inner.around.0, given.into_iter().map(Bound::unbind).collect());
+        }
+        let done = attended(|| act(&mut inner.controller));
+        if done.is_err() {
+            inner.controller.begin_anew();
+            old = take(&mut inner.around.0);
+        }
+        drop(inner);
+        drop(old); // which may run Python code, too
+        done
+    }
+
+    /// The same for what is no cycle of a loop that is watched over: that goes on among its own obstacles, and what has been seen of
+    /// them.
+    pub(super) fn asked_among<T>(
+        &self,
+        py: Python<'_>,
+        obstacles: Option<&Bound<'_, PyAny>>,
+        act: impl FnOnce(&mut AnyController) -> T,
+    ) -> PyResult<T> {
+        let given = obstacles.map_or(Ok(vec![]), sequence)?;
+        let inner = self.inner.take(py)?;
+        if inner.controller.phase().is_none() || inner.around.knows(py, &given) {
+            drop(inner);
+            return self.among_those(py, given, act);
+        }
+        drop(inner);
+        let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
+        let mut inner = self.inner.take(py)?;
+        let around = inner.controller.surroundings_of(read);
+        let mut around = around.map_err(|error| errors::scenario(&error))?;
+        inner.controller.lend(&mut around);
+        let done = attended(|| act(&mut inner.controller));
+        inner.controller.lend(&mut around);
+        done
+    }
+}
