@@ -8,9 +8,11 @@ use crate::robot::SpatialArm;
 /// States that are kept: a quarter of a second at 1 kHz, and more.
 const KEPT: usize = 512;
 /// A state that is later than the one before by more than this has leapt \[s\].
-const LEAP: f64 = 1.0;
+pub(super) const LEAP: f64 = 1.0;
 /// So many states after a leap can be dropped: the next one shows that the clock has leapt.
 const TRIAL: usize = 16;
+/// What has leapt by more than this is not believed before there are more of them \[s\].
+const FAR: f64 = 10.0;
 
 /// The last states, one after the other in time.
 #[derive(Debug, Clone)]
@@ -56,10 +58,11 @@ impl History {
     }
 
     /// Takes in the state at time `t` \[s\], which is later than the last, or than the last before a leap that it shows to be none:
-    /// one wrong time in the future would otherwise refuse all states from then on.
-    pub(super) fn add(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Result<(), PerceptionError> {
+    /// one wrong time in the future would otherwise refuse all states from then on. Whether it has taken states back.
+    pub(super) fn add(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Result<bool, PerceptionError> {
         let last = self.places().next_back().map(|place| self.times[place]);
-        if !t.is_finite() || (last.is_some_and(|last| t <= last) && !self.take_back(t)) {
+        let is_back = last.is_some_and(|last| t <= last);
+        if !t.is_finite() || (is_back && !self.take_back(t)) {
             return Err(PerceptionError::NotLater { given: t, last });
         }
         if self.times.len() < KEPT {
@@ -72,7 +75,7 @@ impl History {
             self.states[begin + self.n..begin + 2 * self.n].copy_from_slice(dq);
         }
         self.next = (self.next + 1) % KEPT;
-        Ok(())
+        Ok(is_back)
     }
 
     /// Drops the states after a leap that is not believed as yet, if one at time `t` \[s\] goes on where they leapt from; and the first
@@ -100,12 +103,25 @@ impl History {
         self.states[2 * self.n * place..2 * self.n * (place + 1)].split_at(self.n)
     }
 
+    /// How many of the states are believed, the oldest: not those after a large leap that may yet be taken back, as long as they are
+    /// fewer than those before.
+    fn believed(&self) -> usize {
+        let count = self.times.len();
+        let first = if count < KEPT { 0 } else { self.next };
+        let time = |k: usize| self.times[(first + k) % count];
+        let leaps = |k: &usize| count - *k < *k && time(*k) - time(*k - 1) > FAR;
+        (count.saturating_sub(TRIAL)..count).find(leaps).unwrap_or(count)
+    }
+
     /// Angles and velocities at time `t` \[s\] (T182): between two states the cubic that has both at both. Returns for how long
     /// there was none \[s\], which is 0 there: before the first and after the last it goes on at constant velocity. None if no
-    /// state is known `within` that time \[s\]: what the arm did in a gap nobody knows.
+    /// state that is believed is known `within` that time \[s\]: what the arm did in a gap nobody knows.
     pub(super) fn at(&self, t: f64, within: f64, q: &mut [f64], dq: &mut [f64]) -> Option<f64> {
-        let after = self.places().find(|place| self.times[*place] >= t);
-        let before = self.places().rev().find(|place| self.times[*place] <= t);
+        let doubted = self.times.len() - self.believed();
+        let after = self.places().rev().skip(doubted).take_while(|place| self.times[*place] >= t);
+        let after = after.last();
+        let mut early = self.places().rev().skip(doubted);
+        let before = early.find(|place| self.times[*place] <= t);
         let off = |place: &usize| (t - self.times[*place]).abs();
         let nearest = before.iter().chain(&after).map(off).fold(f64::INFINITY, f64::min);
         // Not more exactly than times can be written.
@@ -177,9 +193,14 @@ mod tests {
         let mut history = History::new(vec![false]);
         history.add(0.0, &[0.0], &[0.0]).unwrap();
         history.add(2.0, &[1.0], &[0.0]).unwrap();
-        let at = |t: f64| history.at(t, 0.05, &mut [0.0], &mut [0.0]);
-        assert_eq!([0.0, 0.04, 1.96, 2.0].map(&at), [Some(0.0); 4]);
-        assert_eq!([0.06, 1.0, 1.9, 2.06].map(&at), [None; 4]);
+        let at = |history: &History, t: f64| history.at(t, 0.05, &mut [0.0], &mut [0.0]);
+        assert_eq!([0.0, 0.04, 1.96, 2.0].map(|t| at(&history, t)), [Some(0.0); 4]);
+        assert_eq!([0.06, 1.0, 1.9, 2.06].map(|t| at(&history, t)), [None; 4]);
+        // So far it may have leapt by mistake; two after it are as many as before.
+        history.add(50.0, &[1.0], &[0.0]).unwrap();
+        assert_eq!([2.0, 50.0].map(|t| at(&history, t)), [Some(0.0), None]);
+        history.add(50.01, &[1.0], &[0.0]).unwrap();
+        assert_eq!([2.0, 50.0].map(|t| at(&history, t)), [Some(0.0); 2]);
     }
 
     /// Wrong times in the future are dropped by the next state that goes on where they leapt from, also where the ring is full; a clock

@@ -7,6 +7,7 @@
 mod camera;
 mod hidden;
 mod history;
+mod look;
 mod self_filter;
 mod settings;
 mod surface;
@@ -23,12 +24,13 @@ use crate::interrupt;
 use crate::math::{Capsule, Vector};
 use crate::robot::{Model, Robot, SpatialArm, SpatialState};
 use crate::world::space::{MAX_POINTS, Obstacle, World};
-use camera::{Camera, Sight};
-use history::History;
+use camera::Camera;
+use history::{History, LEAP};
+use look::Look;
 use self_filter::SelfFilter;
 use std::sync::Arc;
 use tracks::Tracks;
-use voxels::{Arm, VoxelMap};
+use voxels::{Arm, Touched, VoxelMap};
 
 /// The most cells of a room, whatever its size.
 pub const MAX_CELLS: usize = 1 << 24;
@@ -296,7 +298,8 @@ impl Perceiver {
 
     /// Takes in a state of the arm: angles \[rad, m\] and velocities \[rad/s, m/s\] at time `t` \[s\], (n) each. The last 512 are kept.
     /// One more than a second later than the one before has leapt: up to sixteen of them are dropped by one that goes on where they
-    /// leapt from, within a second of it.
+    /// leapt from, within a second of it, with what was seen by them; by what has leapt by ten seconds or more no picture is taken in
+    /// before there are more.
     ///
     /// # Errors
     /// If it is not later than the last one, has another length, or is not finite.
@@ -307,7 +310,20 @@ impl Perceiver {
                 return Err(PerceptionError::State { name, expected });
             }
         }
-        self.history.add(t, q, dq)
+        if self.history.add(t, q, dq)? {
+            self.go_back(t);
+        }
+        Ok(())
+    }
+
+    /// The states have been taken back to time `t` \[s\]: what was seen later was seen then.
+    fn go_back(&mut self, t: f64) {
+        if self.last().is_some_and(|last| last > t + LEAP) {
+            let before = t.next_down(); // a picture at the time of this state is later
+            self.last.iter_mut().for_each(|last| *last = last.map(|last| last.min(before)));
+            self.map.go_back(t);
+            self.tracks.forget();
+        }
     }
 
     /// Takes in a picture that a camera took at time `t` \[s\], on its own clock.
@@ -508,7 +524,15 @@ fn hit(
             };
             counts.measured += 1;
             let point = eye.point(pixel, depth);
-            let Some(voxel) = map.touch(&point, of_cell) else { continue };
+            let voxel = match map.touch(&point, of_cell) {
+                Touched::Cell(voxel) => voxel,
+                Touched::NoRoom => {
+                    let is_own = filter.clearance(&point, half) < 0.0;
+                    *(if is_own { &mut counts.own } else { &mut map.left_out }) += 1;
+                    continue;
+                }
+                Touched::Nothing => continue,
+            };
             let is_own = match voxel.arm {
                 Arm::Inside => true,
                 Arm::Outside => false,
@@ -524,66 +548,4 @@ fn hit(
         }
     }
     counts
-}
-
-/// Whether a picture looks through a cell.
-struct Look<'a> {
-    eye: &'a Camera,
-    depth: &'a Depth<'a>,
-    filter: &'a SelfFilter<'a>,
-    half: f64,
-    depth_error: f64,
-    range: f64,
-}
-
-impl<'a> Look<'a> {
-    fn new(
-        eye: &'a Camera,
-        depth: &'a Depth<'a>,
-        filter: &'a SelfFilter<'a>,
-        map: &VoxelMap,
-        settings: &PerceiverSettings,
-    ) -> Self {
-        let PerceiverSettings { depth_error, range, .. } = *settings;
-        Self { eye, depth, filter, half: map.half_diagonal(), depth_error, range }
-    }
-
-    /// Whether all that is measured where the cell is in the picture lies behind it, at five of nine places or more. What is the arm's
-    /// own says nothing of the cell: it is not what was there.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "within the picture"
-    )]
-    fn is_through(&self, middle: &Vector<3>) -> bool {
-        let Some(Sight { column, row, depth }) = self.eye.sight(middle) else { return false };
-        let behind = depth + self.half + self.depth_error * depth * depth;
-        if depth <= self.half || behind > self.range {
-            return false;
-        }
-        let spread = self.eye.focal() * self.half / depth;
-        let last = [self.eye.columns() - 1, self.eye.rows() - 1].map(|last| last as f64);
-        let mut through = 0;
-        for down in [-spread, 0.0, spread] {
-            for aside in [-spread, 0.0, spread] {
-                let [u, v] = [(column + aside).round(), (row + down).round()];
-                if !(0.0..=last[0]).contains(&u) || !(0.0..=last[1]).contains(&v) {
-                    continue;
-                }
-                let pixel = v as usize * self.eye.columns() + u as usize;
-                match self.depth.metres(pixel) {
-                    Some(measured) if measured > behind => through += 1,
-                    Some(measured) => {
-                        let point = self.eye.point(pixel, measured);
-                        if self.filter.clearance(&point, self.half) >= 0.0 {
-                            return false;
-                        }
-                    }
-                    None => {}
-                }
-            }
-        }
-        through >= 5
-    }
 }

@@ -352,6 +352,11 @@ pub(super) struct Tracks {
 }
 
 impl Tracks {
+    /// Follows nothing any more; what is found later has other numbers.
+    pub(super) fn forget(&mut self) {
+        self.bodies.clear();
+    }
+
     pub(super) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
         self.bodies.iter().map(Body::track)
     }

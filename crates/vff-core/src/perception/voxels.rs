@@ -29,6 +29,16 @@ pub(super) enum Arm {
     Across,
 }
 
+/// What a point of a picture is in.
+pub(super) enum Touched<'a> {
+    /// A cell that is remembered from now on.
+    Cell(&'a mut Voxel),
+    /// One for which there is no room.
+    NoRoom,
+    /// None: outside, or in what is known.
+    Nothing,
+}
+
 /// A cell that is remembered.
 #[derive(Debug, Clone)]
 pub(super) struct Voxel {
@@ -137,6 +147,14 @@ impl VoxelMap {
         }
     }
 
+    /// What was seen later than `t` \[s\] was seen then; all rests until it is seen to move again.
+    pub(super) fn go_back(&mut self, t: f64) {
+        for voxel in &mut self.voxels {
+            (voxel.last, voxel.since) = (voxel.last.min(t), voxel.since.min(t));
+            voxel.velocity = Vector::zeros();
+        }
+    }
+
     /// Forgets all but what is known.
     pub(super) fn forget(&mut self) {
         for voxel in self.voxels.drain(..) {
@@ -150,21 +168,19 @@ impl VoxelMap {
         self.left_out = 0;
     }
 
-    /// The cell that a point of the present picture is in, remembered from now on; none outside, in what is known, and
-    /// where there is no room. `arm` is asked once for each.
+    /// What a point of the present picture is in. `arm` is asked once for each cell.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     pub(super) fn touch(
         &mut self,
         point: &Vector<3>,
         arm: impl FnOnce(&Vector<3>) -> Arm,
-    ) -> Option<&mut Voxel> {
-        let cell = self.cell_of(point)?;
+    ) -> Touched<'_> {
+        let Some(cell) = self.cell_of(point) else { return Touched::Nothing };
         let place = match self.places[cell] {
-            KNOWN => return None,
+            KNOWN => return Touched::Nothing,
             NONE if self.voxels.len() == self.most => {
-                self.left_out += 1;
-                return None;
+                return Touched::NoRoom;
             }
             NONE => {
                 let place = self.voxels.len();
@@ -198,7 +214,7 @@ impl VoxelMap {
             voxel.corners = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
             voxel.is_cut = is_cut;
         }
-        Some(&mut self.voxels[place])
+        Touched::Cell(&mut self.voxels[place])
     }
 
     /// Takes in what the present picture, of a camera at time `t` \[s\], says of all cells: those with so many points or more as

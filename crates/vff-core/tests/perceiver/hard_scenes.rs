@@ -179,3 +179,32 @@ fn what_cannot_be_known_is_refused() {
     let elsewhere = with(still, [[4.0, -1.0, 0.0], [6.0, 1.0, 1.0]]).unwrap_err();
     assert!(elsewhere.starts_with("settings.room: is out of reach of the arm"), "{elsewhere}");
 }
+
+/// A clock that leaps once, for a state and the picture of it, is as if it had not: soon the ball is where it is, as fast as it is.
+#[test]
+fn a_clock_that_leaps_is_taken_back() {
+    let eye = camera(2);
+    for leap in [3.0, 1e6] {
+        let mut perceiver = default_perceiver(std::slice::from_ref(&eye));
+        let at = |t: f64| [0.4 + 0.5 * t, 0.0, 0.5];
+        let picture = |t: f64| looking_down(&eye, eye.position, &[ball(at(t), 0.06)]);
+        for k in 0..14 {
+            let t = PERIOD * f64::from(k);
+            if k == 6 {
+                perceiver.observe(t + leap, &AWAY, &STILL).unwrap();
+                let seen = perceiver.see(0, t + leap, Depth::Millimetres(&picture(t)));
+                assert_eq!(seen.is_ok(), leap < 10.0);
+            } else {
+                show(&mut perceiver, &eye, t, &[ball(at(t), 0.06)]);
+            }
+        }
+        let t = PERIOD * 13.0;
+        assert_eq!(perceiver.last(), Some(t));
+        let close = perceiver.points().filter(|(point, _)| (point - V::from(at(t))).norm() < 0.09);
+        let speeds: Vec<f64> = close.map(|(_, velocity)| velocity.x).collect();
+        assert!(
+            speeds.len() > 5 && speeds.iter().all(|speed| (speed - 0.5).abs() < 0.1),
+            "{speeds:?}"
+        );
+    }
+}
