@@ -665,6 +665,48 @@ def test_mjcf_limits_of_torque_are_those_of_the_actuators(motors: str, limit: fl
         assert min(-min(found), max(found)) == pytest.approx(limit)
 
 
+@pytest.mark.parametrize(
+    ("motor", "joint", "flag", "told"),
+    [
+        ('armature="0.05"', "", "", ""),
+        ('damping="0.02"', "", "", ""),
+        ("", "", '<flag damper="disable"/>', ""),
+        ("", "", '<flag frictionloss="disable"/>', ""),
+        ("", 'damping="0.5 0.1"', "", "faster than the speed"),
+        ("", 'stiffness="0 5"', "", "springs"),
+        ("", "", '<option density="1.2"/>', "air or water"),
+    ],
+)
+def test_mjcf_of_what_slows_a_joint(motor: str, joint: str, flag: str, told: str) -> None:
+    """Inertia and damping of actuators, by the square of their gear, as MuJoCo has them; what is left out is told."""
+    given = HINGES.replace('gear="10"/>', f'gear="10" {motor}/>')
+    if joint:
+        given = given.replace('damping="0.5"', joint if "damping" in joint else f'damping="0.5" {joint}')
+    if flag:
+        option = flag if "option" in flag else f"<option>{flag}</option>"
+        given = given.replace("<worldbody>", f"{option}<worldbody>", 1)
+    try:
+        model = mujoco.MjModel.from_xml_string(given)
+    except ValueError:
+        pytest.skip("a MuJoCo that does not know it")
+    report = arms.read_mjcf(given, base="stand", tip="tcp", locked={"grip": 0.03})
+    usual = arms.read_mjcf(HINGES, base="stand", tip="tcp", locked={"grip": 0.03}).warnings
+    more = [warning for warning in report.warnings if warning not in usual]
+    assert any(told in warning for warning in more) if told else not more
+    if told:
+        return
+    joints, data, dq = report.document["joints"], mujoco.MjData(model), [2.0, 0.0]
+    data.qpos[:], data.qvel[:2] = [0.3, 0.1, 0.03], dq
+    mujoco.mj_forward(model, data)
+    M = np.zeros((3, 3))
+    mujoco.mj_fullM(model, data, M) if mujoco_takes_data() else mujoco.mj_fullM(model, M, data.qM)
+    ours, _ = mass_and_gravity(report.document, [0.3, 0.1])
+    np.testing.assert_allclose(ours, M[:2, :2], rtol=0, atol=1e-12)
+    damped = [joint["damping"] * speed for joint, speed in zip(joints, dq, strict=True)]
+    np.testing.assert_allclose(damped, -data.qfrc_damper[:2], rtol=0, atol=1e-12)
+    assert joints[0]["friction"] == (0.0 if "frictionloss" in flag else 0.1)
+
+
 def test_mjcf_of_a_base_that_is_called_world_and_a_site_that_is_called_as_its_body() -> None:
     """MuJoCo has a world of its own; which of both is the tip is told."""
     named = HINGES.replace('name="stand"', 'name="floor"').replace('name="tcp"', 'name="b"')

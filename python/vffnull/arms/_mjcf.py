@@ -286,6 +286,12 @@ class _Reader:
         if kind in (int(kinds.mjJNT_FREE), int(kinds.mjJNT_BALL)):
             free = kind == int(kinds.mjJNT_FREE)
             return {**joint, "kind": "floating" if free else "ball", "frame": frame(origin, quaternion)}
+        motors = [(motor, float(model.actuator_gear[motor, 0]) ** 2) for motor in self._motors_of(i)]
+        armature, damping = float(model.dof_armature[address]), 0.0
+        if not self._is_off("DAMPER"):
+            damping = float(np.ravel(model.dof_damping[address])[0])
+            damping += sum(square * float(_of(model, "actuator_damping")[motor]) for motor, square in motors)
+        armature += sum(square * float(_of(model, "actuator_armature")[motor]) for motor, square in motors)
         # A body's place in the file is that at qpos0, which need not be 0.
         reference = float(model.qpos0[int(model.jnt_qposadr[i])])
         limited = bool(model.jnt_limited[i])
@@ -303,18 +309,34 @@ class _Reader:
             "axis": [float(x) for x in axis],
             "limits": [_end(x) for x in model.jnt_range[i]] if limited else None,
             "torque": self._torque(i),
-            "armature": float(model.dof_armature[address]),
-            "damping": _scalar(model.dof_damping[address]),
-            "friction": float(model.dof_frictionloss[address]),
+            "armature": armature,
+            "damping": damping,
+            "friction": 0.0 if self._is_off("FRICTIONLOSS") else float(model.dof_frictionloss[address]),
             "mimic": self._followed.get(i),
         }
 
+    def _is_off(self, flag: str) -> bool:
+        """Whether the options of the model switch something off."""
+        bits = self._mujoco.mjtDisableBit
+        if flag in ("DAMPER", "SPRING") and not hasattr(bits, f"mjDSBL_{flag}"):
+            flag = "PASSIVE"  # both, as versions before had it
+        return bool(self._model.opt.disableflags & int(getattr(bits, f"mjDSBL_{flag}")))
+
+    def _on_joints(self) -> NDArray[np.bool_]:
+        """Which actuators act on a joint itself."""
+        kinds = self._mujoco.mjtTrn
+        of_joints = [int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)]
+        return np.isin(self._model.actuator_trntype, of_joints)
+
+    def _motors_of(self, joint: int) -> list[int]:
+        """The actuators of a joint."""
+        moves = self._on_joints() & (self._model.actuator_trnid[:, 0] == joint)
+        return [int(motor) for motor in np.flatnonzero(moves)]
+
     def _torque(self, joint: int) -> float:
         """The torque that its actuators have in both directions, 0 for no limit."""
-        model, kinds = self._model, self._mujoco.mjtTrn
-        of_joints = [int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)]
-        moves = np.isin(model.actuator_trntype, of_joints) & (model.actuator_trnid[:, 0] == joint)
-        given = [self._of_motor(motor) for motor in map(int, np.flatnonzero(moves))]
+        model = self._model
+        given = [self._of_motor(motor) for motor in self._motors_of(joint)]
         low, high = np.sum(given, axis=0) if given else (-math.inf, math.inf)
         if model.jnt_actfrclimited[joint]:
             low, high = np.clip([low, high], *model.jnt_actfrcrange[joint])
@@ -399,8 +421,19 @@ class _Reader:
             self._warnings.append(f"{left} equality constraints are left out: what they couple moves apart")
         if model.ntendon:
             self._warnings.append(f"{model.ntendon} tendons are left out")
-        if np.any(model.jnt_stiffness):
+        springs = ("jnt_stiffness", "jnt_stiffnesspoly")
+        if not self._is_off("SPRING") and any(np.any(_of(model, name)) for name in springs):
             self._warnings.append("springs of joints are left out")
+        steeper = ("dof_dampingpoly", "actuator_dampingpoly")
+        if not self._is_off("DAMPER") and any(np.any(_of(model, name)) for name in steeper):
+            self._warnings.append("damping that grows faster than the speed is left out")
+        if np.any(_of(model, "tendon_armature")):
+            self._warnings.append("the armature of tendons is left out")
+        others = ~self._on_joints()
+        if any(np.any(_of(model, f"actuator_{what}")[others]) for what in ("armature", "damping")):
+            self._warnings.append("armature and damping of actuators that act on no joint are left out")
+        if model.opt.density > 0.0 or model.opt.viscosity > 0.0:
+            self._warnings.append("the air or water around (density, viscosity) is left out")
         if np.any(model.body_gravcomp):
             self._warnings.append("gravity compensation (gravcomp) is left out: gravity acts on all bodies")
 
@@ -414,9 +447,9 @@ def _end(value: float) -> float:
     return float(value) if abs(value) < _FAR else math.copysign(math.inf, value)
 
 
-def _scalar(value: Any) -> float:
-    """The first of one or several coefficients: damping may be a polynomial of the speed."""
-    return float(np.ravel(value)[0])
+def _of(model: Any, name: str) -> Array:
+    """An array of the model; zeros where its version of MuJoCo does not know it."""
+    return np.asarray(getattr(model, name, np.zeros(model.nu)), float)
 
 
 def _product(p: Any, q: Any) -> Array:

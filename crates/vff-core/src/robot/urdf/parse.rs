@@ -370,10 +370,18 @@ fn joint(node: Node<'_, '_>) -> Result<TreeJoint, UrdfError> {
         mimic: None,
         name,
     };
+    let not_negative = |of: Node<'_, '_>, key: &str| {
+        let value = number(of, key, &place)?.unwrap_or_default();
+        if value < 0.0 {
+            let place = format!("{place}, <{} {key}>", of.tag_name().name());
+            return Err(UrdfError::OutOfRange { place, requirement: "≥ 0", given: value });
+        }
+        Ok(value)
+    };
     if let Some(limit) = child(node, "limit").filter(|_| moves) {
         let of = |key| number(limit, key, &place).map(Option::unwrap_or_default);
-        joint.velocity = of("velocity")?;
-        joint.torque = of("effort")?;
+        joint.velocity = not_negative(limit, "velocity")?;
+        joint.torque = not_negative(limit, "effort")?;
         if kind != Kind::Continuous {
             joint.limits = Some([of("lower")?, of("upper")?]);
         }
@@ -381,16 +389,8 @@ fn joint(node: Node<'_, '_>) -> Result<TreeJoint, UrdfError> {
         return Err(UrdfError::Missing { place, what: "<limit lower upper effort velocity>" });
     }
     if let Some(dynamics) = child(node, "dynamics").filter(|_| moves) {
-        let of = |key| {
-            let value = number(dynamics, key, &place)?.unwrap_or_default();
-            if value < 0.0 {
-                let place = format!("{place}, <dynamics {key}>");
-                return Err(UrdfError::OutOfRange { place, requirement: "≥ 0", given: value });
-            }
-            Ok(value)
-        };
-        joint.damping = of("damping")?;
-        joint.friction = of("friction")?;
+        joint.damping = not_negative(dynamics, "damping")?;
+        joint.friction = not_negative(dynamics, "friction")?;
     }
     if let Some(mimic) = child(node, "mimic").filter(|_| moves) {
         let driver = mimic.attribute("joint").unwrap_or_default();
