@@ -80,6 +80,42 @@ def test_errors_are_those_that_noise_makes() -> None:
     assert 0.15 < spread / told < 1.5
 
 
+def recorded(load: vff.Arm, offset: float = 0.0) -> tuple[Any, ...]:
+    """Times, positions, velocities and torques of `PANDA` with `load` on an exact motion of all joints."""
+    rng, t = np.random.default_rng(5), np.arange(0.0, 6.0, 1e-3)
+    rate, phase = rng.uniform(1.0, 5.0, (2, 7)), rng.uniform(0.0, 6.0, (2, 7))
+    inner = rate[:, None] * t[:, None] + phase[:, None]
+    q = READY + 0.2 * np.sin(inner).sum(axis=0)
+    dq = (0.2 * rate[:, None] * np.cos(inner)).sum(axis=0)
+    ddq = -(0.2 * rate[:, None] ** 2 * np.sin(inner)).sum(axis=0)
+    tau = np.array([load.inverse_dynamics(*state) for state in zip(q, dq, ddq, strict=True)])
+    held = np.vstack([0.5 * (tau[:-1] + tau[1:]), tau[-1:]])  # from one instant to the next
+    held[:, 1] += offset
+    return t, q, dq, held + rng.normal(0.0, 0.05, held.shape)
+
+
+@pytest.mark.parametrize(("inertia", "offset"), [([0.0083, 0.0167, 0.0217, 0.0, 0.0, 0.0], 0.0), (None, 1.0)])
+def test_errors_count_what_a_point_has_not(inertia: list[float] | None, offset: float) -> None:
+    """A box of 2 kg, 30 × 20 × 10 cm, and a torque that is measured 1 N·m off: within three of the errors."""
+    load = checks.identify(PANDA, *recorded(PANDA.with_load(2.0, COM, inertia), offset), friction=False)
+    assert abs(load.mass - 2.0) < 3.0 * load.mass_error < 0.6, load
+    assert (np.abs(load.com - COM) < 3.0 * load.com_error + 5e-4).all() and load.com_error.max() < 0.03
+
+
+def test_other_units_are_refused_and_what_cannot_be_is_told() -> None:
+    t, q, dq, tau = recorded(PANDA.with_load(1.2, COM))
+    assert not checks.identify(PANDA, t, q, dq, tau).doubts
+    with pytest.raises(InputError, match="beyond its stop; expected rad"):
+        checks.identify(PANDA, t, np.degrees(q), np.degrees(dq), tau)
+    with pytest.raises(InputError, match=r"q changes 0\.001 times as fast"):
+        checks.identify(PANDA, 1e3 * t, q, dq, tau)
+    gravity = np.array([PANDA.gravity_torque(each) for each in q])
+    for wrong in (tau - gravity, -tau):
+        load = checks.identify(PANDA, t, q, dq, wrong)
+        assert any("less mass than nothing" in doubt for doubt in load.doubts)
+        assert load.doubts[0] in str(load)
+
+
 def test_what_a_motion_does_not_tell_is_refused() -> None:
     """An arm at rest leaves open where along the vertical its load is, and its friction."""
     result = vff.simulate("panda-sweep", LOADED | {"obstacles": [], "duration": 1.0})

@@ -8,7 +8,8 @@ viscous and dry friction of every joint
 
 What is not linear, the inertia of a point mass, m (c²1 − c cᵀ) about the tip, is that of the estimate
 before; it is small. Both sides are averaged over windows first, alike, which keeps them equal and takes the
-noise out.
+noise out. A load has more inertia than a point, and a measured torque may be off by a constant: where these
+explain what is left better than noise does, what they would change is part of the errors.
 """
 
 from __future__ import annotations
@@ -34,6 +35,11 @@ _SLOW = 0.02  # rad/s; below, dry friction may be anything up to itself
 _CONDITION = 100.0  # of the scaled regressor; beyond, a motion does not excite (Gautier, Khalil 1992)
 _FAR = 1.0  # m; no load is farther from the tip
 _ROUNDS = 4  # of least squares: with the spread of each joint, and the inertia of the point
+_BEYOND = 0.5  # rad or m; no joint is so far beyond its stops
+_STILL = 1e-3  # rad or m; a shorter way may be noise
+_RATIO = 1.5  # of what positions and velocities say of the same way
+_SIGNIFICANT = 4.0  # of the F statistic of inertia and offsets, which is 1 for noise
+_EXCITED = 0.02  # of the largest singular value of the scaled regressor; what is excited less stays 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +62,8 @@ class Identified:
         Condition number of the regressor with columns of one length: 1 is best, more than 100 is refused.
     joints : tuple of str
         Names of the joints.
+    doubts : tuple of str
+        What cannot be: less than nothing of a mass or of friction, beyond three errors.
     """
 
     mass: float
@@ -69,6 +77,7 @@ class Identified:
     residual: Array
     condition: float
     joints: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         place = ", ".join(f"{c:.4f} ± {e:.4f}" for c, e in zip(self.com, self.com_error, strict=True))
@@ -80,7 +89,7 @@ class Identified:
             for i, name in enumerate(self.joints)
         ]
         load = f"load {self.mass:.3f} ± {self.mass_error:.3f} kg at ({place}) m"
-        return "\n".join([load, head, *lines])
+        return "\n".join([load, head, *lines, *self.doubts])
 
 
 def identify(
@@ -117,14 +126,16 @@ def identify(
     Returns
     -------
     Identified
-        Load, friction, and their standard errors, which are right where what is left is noise: an error of
-        the model that changes with the motion is not in them.
+        Load, friction, and their standard errors, which count the inertia that a load has beyond that of a
+        point, constant errors of the torque, and noise: another error of the model that changes with the
+        motion is not in them.
 
     Raises
     ------
     vffnull.errors.InputError
-        If the motion does not excite what is asked for, with the parameters that it leaves open; if an array
-        has the wrong shape or is not finite, or the arm is one in the plane.
+        If the motion does not excite what is asked for, with the parameters that it leaves open; if
+        positions, velocities and times do not belong together; if an array has the wrong shape or is not
+        finite, or the arm is one in the plane.
 
     Examples
     --------
@@ -149,6 +160,7 @@ def identify(
     count = (len(times) - 1) // size
     if count < 2:
         raise InputError(f"t: expected two windows of {window:g} s or more, got {times[-1] - times[0]:g} s")
+    _belong_together(arm, period, states, speeds, size)
     parts = [_averaged(arm, period, states, speeds, torques, k * size, size, friction) for k in range(count)]
     regressor, known, turning, certain = (np.array(each) for each in zip(*parts, strict=True))
     names = _parameters(arm, friction)
@@ -158,6 +170,29 @@ def identify(
             raise InputError(f"dq: the motion does not excite the friction of {', '.join(idle)}")
     parameters, covariance, left, condition = _solve(regressor, known, turning, certain, names)
     return _found(arm, parameters, covariance, left, condition, friction)
+
+
+def _belong_together(arm: Arm, period: float, q: Array, dq: Array, size: int) -> None:
+    """Refuses positions and velocities in other units than those of the arm and of the times."""
+    limits = arm.joint_limits
+    low, high = (-np.inf, np.inf) if limits is None or not len(limits) else np.asarray(limits).T
+    beyond = np.maximum(low - q, q - high).max(axis=0)
+    if beyond.max() > _BEYOND:
+        name, worst = arm.joint_names[int(beyond.argmax())], beyond.max()
+        raise InputError(f"q: {name} is {worst:.3g} rad or m beyond its stop; expected rad and m")
+    ways = q[size::size] - q[:-size:size][: len(q[size::size])]
+    told = np.array([period * (0.5 * (dq[k] + dq[k + size]) + dq[k + 1 : k + size].sum(axis=0))
+                     for k in range(0, size * len(ways), size)])  # fmt: skip
+    ways[np.abs(ways) > np.pi] = 0.0  # a joint that turns without an end has begun anew
+    large = np.abs(ways) > max(0.3 * np.abs(ways).max(), _STILL)
+    if not large.any():
+        return
+    with np.errstate(divide="ignore"):
+        ratio = float(np.median(ways[large] / told[large]))
+    if not 1.0 / _RATIO < ratio < _RATIO:
+        raise InputError(
+            f"dq: q changes {ratio:.3g} times as fast as it says; expected rad and rad/s, and t in s"
+        )
 
 
 def _averaged(
@@ -251,7 +286,30 @@ def _solve(
             c = moment / mass
             about = mass * (c @ c * np.eye(3) - np.outer(c, c))
             inertia = about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    return parameters, covariance, left, condition
+    change = _unmodelled(matrix, wanted[:, 0], turning, weights[:, 0], rows)
+    return parameters, covariance + np.outer(change, change), left, condition
+
+
+def _unmodelled(matrix: Array, wanted: Array, turning: Array, weights: Array, rows: Array) -> Array:
+    """What the parameters would change by (p,) if the load had an inertia of its own, and each torque an
+    offset: 0 where these explain no more than chance does.
+    """
+    count, joints = turning.shape[0], turning.shape[1]
+    offsets = np.tile(np.eye(joints), (count, 1))
+    more = np.hstack([turning.reshape(count * joints, -1), offsets])[rows] * weights[:, None]
+    whole = np.hstack([matrix, more])
+    length = np.linalg.norm(whole, axis=0)
+    length[length == 0.0] = 1.0
+    alone, *_ = np.linalg.lstsq(matrix, wanted, rcond=None)
+    found, *_ = np.linalg.lstsq(whole / length, wanted, rcond=_EXCITED)
+    free = len(wanted) - whole.shape[1]
+    before, after = (
+        float(np.sum((wanted - a @ x) ** 2)) for a, x in ((matrix, alone), (whole / length, found))
+    )
+    if free < 1 or (before - after) / more.shape[1] <= _SIGNIFICANT * after / free:
+        return np.zeros(matrix.shape[1])
+    change: Array = (found / length)[: matrix.shape[1]] - alone
+    return change
 
 
 def _found(
@@ -267,6 +325,16 @@ def _found(
             both = covariance[np.ix_([0, 1 + axis], [0, 1 + axis])]
             com_error[axis] = np.sqrt(slope @ both @ slope)
     rest, rest_errors = (each[4:] if friction else np.zeros(2 * n) for each in (parameters, errors))
+    doubts = []
+    if mass < -3.0 * errors[0]:
+        doubts.append(
+            "the load has less mass than nothing: expected torques of the drives with gravity in them, "
+            "positive where they accelerate a joint, and the arm's own last link"
+        )
+    less = [name for i, name in enumerate([*arm.joint_names] * 2) if rest[i] < -3.0 * rest_errors[i]]
+    if less:
+        names = ", ".join(dict.fromkeys(less))
+        doubts.append(f"the friction of {names} is less than nothing: no friction drives a joint")
     return Identified(
         mass=mass,
         mass_error=float(errors[0]),
@@ -279,4 +347,5 @@ def _found(
         residual=left,
         condition=condition,
         joints=tuple(arm.joint_names),
+        doubts=tuple(doubts),
     )
