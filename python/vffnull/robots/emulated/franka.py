@@ -410,6 +410,7 @@ class Robot:
         self.mode, self.reflex, self.last_errors = RobotMode.Move, None, Errors()
         self.tau_J_d = np.zeros(_JOINTS)
         self.external = self.body.weight() - self.body.known.gravity_torque(self.body.q)  # it has stood here
+        self._look_at_hand()
         self._answered, self._lost = True, 0
         self.taken.clear()
         return self
@@ -485,12 +486,16 @@ class Robot:
         seen = self.tau_J - self.body.known.inverse_dynamics(body.q, body.dq, body.ddq)
         self.external = self.external + _SHARE * (seen - self.external)
         if body.cycle % _EVERY == 0:
-            jacobian = self.body.known.jacobian(body.q)
-            turn = jacobian @ body.dq
-            self._hand = (math.hypot(*turn[:3]), math.hypot(*turn[3:]))
-            u, gains, v = np.linalg.svd(jacobian, full_matrices=False)
-            is_known = gains[-1] >= _SINGULAR
-            self.wrench = u @ ((v @ self.external) / gains) if is_known else np.zeros(6)
+            self._look_at_hand()
+
+    def _look_at_hand(self) -> None:
+        body = self.body
+        jacobian = body.known.jacobian(body.q)
+        turn = jacobian @ body.dq
+        self._hand = (math.hypot(*turn[:3]), math.hypot(*turn[3:]))
+        u, gains, v = np.linalg.svd(jacobian, full_matrices=False)
+        is_known = gains[-1] >= _SINGULAR
+        self.wrench = u @ ((v @ self.external) / gains) if is_known else np.zeros(6)
 
     def _state(self) -> RobotState:
         q, dq = self.body.measure()

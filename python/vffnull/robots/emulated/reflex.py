@@ -137,11 +137,10 @@ class Monitor:
         """
         share = np.abs(values) / np.maximum(limits, 1e-12)
         nearer = share > self._share
-        if not nearer.any():
-            return None
-        for kept, now in ((self._share, share), (self._value, values), (self._limit, limits)):
-            np.copyto(kept, now, where=nearer)
-        self._cycle[nearer] = cycle
+        if nearer.any():
+            for kept, now in ((self._share, share), (self._value, values), (self._limit, limits)):
+                np.copyto(kept, now, where=nearer)
+            self._cycle[nearer] = cycle
         most = int(share.argmax())
         if share[most] <= 1.0:
             return None
