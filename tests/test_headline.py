@@ -333,3 +333,16 @@ def test_times_of_computing_are_read_easily() -> None:
         "12.3 ms",
         "1234 s",
     ]
+
+
+def test_a_task_that_was_given_up_on_the_way_is_told_of() -> None:
+    """A hand that has let go of a reference that it had reached; one that begins elsewhere has not."""
+    gave_way = vff.simulate("on-path", {"controller.avoidance": "relaxed"})
+    error = np.linalg.norm(gave_way.error[:, :2], axis=1)
+    lost = error[np.argmax(error <= 0.01) :].max()
+    assert gave_way.metrics["max_error_lost"] == pytest.approx(lost, rel=1e-2) and lost > 1.0
+    assert f"was up to {lost:.2f} m off its reference" in str(gave_way.headline)
+    begins = vff.simulate(
+        "on-path", {"obstacles": [], "reference": {"kind": "setpoint", "point": [4.0, 2.0]}}
+    )
+    assert begins.metrics["max_error_transient"] > 0.1 and "off its reference" not in str(begins.headline)

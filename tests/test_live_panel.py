@@ -143,6 +143,25 @@ def test_sliders_reach_beyond_the_file_s_values(page: Any) -> None:
     assert panel._sliders["influence"].value == 0.004 >= panel._sliders["influence"].min
 
 
+@pytest.mark.parametrize("scene", ["swing", "crowd"])  # without a floor of the field, and with one
+def test_a_number_that_is_typed_is_taken_when_it_is_one(page: Any, scene: str) -> None:
+    """Of 0.5 the 0 comes first, which no field has: it changes nothing, and what stays so is put back."""
+    page.open(vff.Scenario.load(scene))
+    panel = page._panel
+    slider, before = panel._sliders["influence"], page._settings["field"]["influence"]
+    for typed, wanted in ((0.0, before), (-5.0, before), (0.5, 0.5)):
+        slider.value = typed
+        panel._changed(slider)
+        assert slider.value == typed
+        assert page._settings["field"]["influence"] == wanted
+    slider.value = 0.0
+    panel._changed(slider)
+    panel._unfinished = slider, 0.0
+    wait_for(lambda: slider.value == 0.5)
+    with pytest.raises(InputError, match="is none of"):
+        panel._tell("bogus")
+
+
 def test_every_control_says_what_it_is_for(page: Any) -> None:
     handles = [each for each in page._server.gui._gui_input_handle_from_uuid.values() if each.label]
     assert len(handles) > 30
@@ -222,6 +241,20 @@ def test_joints_are_shown_within_their_limits_and_set(page: Any) -> None:
     assert page._settings["damping"] == 50.0
     page.open(vff.Scenario.load("swing"))
     assert len(joints._sliders) == 6 and joints._sliders[0].min == pytest.approx(-np.pi)
+    # Another arm whose joints are called alike has its own limits, and who moves one joint moves no other.
+    links = [[-0.5, 0.6], *[[-9.0, 9.0]] * 5]
+    arm = {"lengths": [1.0] * 6, "masses": 1.0, "joint_limits": links}
+    page.open(vff.Scenario.load("swing").replace(arm=arm, q0=[0.1, 7.0, 0.2, 0.3, 0.1, 0.2]))
+    assert (joints._sliders[0].min, joints._sliders[0].max) == (-0.5, 0.6)
+    wait_for(lambda: abs(joints._sliders[1].value - 7.0) < 1.0)
+    q = np.array([0.1, 30.0, 0.2, 0.3, 0.1, 0.2])  # beyond what a slider shows
+    joints._moved, begun = None, []
+    joints._begin_at, told = begun.append, joints._sliders[5]._impl.update_cb[0]
+    joints._sliders[5].value = 0.5
+    obey(told(SimpleNamespace(client=SOMEBODY)))
+    joints._moved -= 2.0 * PATIENCE
+    joints.read(q)
+    assert begun == [[*q[:5], 0.5]]
 
 
 @pytest.mark.parametrize("name", ["swing", "panda-sweep"])

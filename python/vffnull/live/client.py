@@ -23,6 +23,12 @@ SCRIPT = b"""<script>(() => {
     }
     return context;
   };
+  // What is dragged over the controls selects none of their words.
+  addEventListener("pointerdown", (event) => {
+    if (event.target instanceof HTMLCanvasElement) document.body.style.userSelect = "none";
+  }, true);
+  for (const end of ["pointerup", "pointercancel"])
+    addEventListener(end, () => { document.body.style.userSelect = ""; }, true);
 })();</script>"""
 
 

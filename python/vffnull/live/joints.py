@@ -33,26 +33,30 @@ class Joints:
         self._gui, self._begin_at = gui, begin_at
         self._folder = gui.add_folder(None)
         self._sliders: list[Any] = []  # viser's types take their values for read-only
-        self._names: tuple[str, ...] = ()
+        self._shown: list[Any] = []
         self._moved: float | None = None
+        self._set: set[int] = set()
 
     def show(self, scenario: Scenario) -> None:
         """Sliders for the joints of a scenario's arm; those of before, if it is the same one."""
         self._moved = None
+        self._set.clear()
         arm = scenario.arm
         names = tuple(arm.joint_names) if arm.dimension == 3 else tuple(f"q{i + 1}" for i in range(arm.n))
-        if names == self._names:
+        slides = [each["kind"] == "prismatic" for each in arm.to_dict().get("joints", [])] or [False] * arm.n
+        units = ["m" if is_slide else "rad" for is_slide in slides]
+        shown = list(zip(names, limits(scenario), units, strict=True))
+        if shown == self._shown:
             return
-        self._names = names
+        self._shown = shown
         for slider in self._sliders:
             slider.remove()
         self._sliders.clear()
-        slides = [each["kind"] == "prismatic" for each in arm.to_dict().get("joints", [])] or [False] * arm.n
         with self._folder:
-            for name, (low, high), is_slide in zip(names, limits(scenario), slides, strict=True):
-                self._sliders.append(self._add(name, low, high, "m" if is_slide else "rad"))
+            for i, (name, (low, high), unit) in enumerate(shown):
+                self._sliders.append(self._add(i, name, low, high, unit))
 
-    def _add(self, name: str, low: float, high: float, unit: str) -> viser.GuiSliderHandle[float]:
+    def _add(self, i: int, name: str, low: float, high: float, unit: str) -> viser.GuiSliderHandle[float]:
         slider = self._gui.add_slider(
             name.removesuffix("_joint"),
             low,
@@ -66,19 +70,23 @@ class Joints:
         async def _(event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
             if event.client is not None:
                 self._moved = time.monotonic()
+                self._set.add(i)
 
         return slider
 
     def read(self, q: NDArray[np.float64]) -> None:
-        """Show joint positions (n,), or begin anew from those that somebody has set."""
+        """Show joint positions (n,), or begin anew with those that somebody has set and the others."""
         if self._moved is None:
             for slider, value in zip(self._sliders, q.tolist(), strict=True):
                 within = min(max(value, slider.min), slider.max)
-                if abs(slider.value - within) > SEEN:
+                if not abs(slider.value - within) <= SEEN:
                     slider.value = within
         elif time.monotonic() - self._moved > PATIENCE:
+            given = {i: float(self._sliders[i].value) for i in tuple(self._set)}
             self._moved = None
-            self._begin_at([float(slider.value) for slider in self._sliders])
+            self._set.clear()
+            if all(np.isfinite(list(given.values()))):
+                self._begin_at([given.get(i, float(value)) for i, value in enumerate(q)])
 
 
 def limits(scenario: Scenario) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ import viser
 from numpy.typing import ArrayLike, NDArray
 
 import vffnull._core as _core
-from vffnull._support.errors import VffNullError
+from vffnull._support.errors import InputError, VffNullError
 from vffnull.live.clock import Rate
 from vffnull.live.ending import Ending
 from vffnull.live.guard import guarding
@@ -23,7 +23,7 @@ from vffnull.live.layout import docked, makes_room
 from vffnull.live.memory import Memory
 from vffnull.live.panel import Panel
 from vffnull.live.quiet import quiet, uncover
-from vffnull.live.readouts import STOPPED, found
+from vffnull.live.readouts import STOPPED, told_of
 from vffnull.live.recording import Recorder
 from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
 from vffnull.live.scene.camera import aspect_of
@@ -290,6 +290,7 @@ class LivePage:
     def add_obstacle(self) -> None:
         """Put a disc, or a ball, where there is room."""
         with self._lock:
+            self._is_open()
             self.stop_recording()
             self._memory.clear()
             more = self._scene.spare(len(self._live.snapshot()["obstacles"]))
@@ -368,6 +369,7 @@ class LivePage:
     def start_recording(self) -> Path:
         """Begin to record; the file."""
         with self._lock:
+            self._is_open()
             return self._recorder.begin(self._live, self._scenario)
 
     def stop_recording(self) -> tuple[Path, int] | None:
@@ -442,6 +444,10 @@ class LivePage:
             self._server.stop()
 
     # --------------------------------------------------------------------------------------------- inside
+
+    def _is_open(self) -> None:
+        if self._over.is_set():
+            raise InputError("the page has been stopped")
 
     def _meddle(self) -> None:
         """Somebody takes hold of something: they see the present, beyond the end of a scene, too."""
@@ -575,8 +581,8 @@ class LivePage:
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
-                    told = {"found": found(state, self._scenario), "ended": self._end.at}
-                    self._panel.read({**state, **self._scene.readings(), **told})
+                    told = {"ended": self._end.at, "back": self._memory.back, **self._scene.readings()}
+                    self._panel.read({**told_of(state, present, self._scenario), **told})
                     self._panel.show_run("running" if self._held_until else present["status"])
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._plots.pictures.show(self._live.pictures())

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import viser
 
-from vffnull._support.errors import VffNullError
+from vffnull._support.errors import InputError, VffNullError
 from vffnull.live.actions import Page
 from vffnull.live.files import file_name, scenario_of
 from vffnull.live.joints import Joints
@@ -18,6 +19,7 @@ from vffnull.live.readouts import STOPPED, details, numbers
 from vffnull.live.sliders import NO_FIELD, OF_THE_CONTROLLER, OF_THE_FIELD, levels, put, said, slide
 from vffnull.live.stories import GIVING_WAY, IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.live.tasks import TASKS, with_task
+from vffnull.model.arm import listed
 from vffnull.model.scenario import Scenario, scenarios
 
 OWN = "your own"  # a scenario that is not bundled
@@ -33,8 +35,11 @@ WAYS = {
 }
 """How the page calls what `controller.avoidance` may be."""
 GO_ON = "Go on"
+TYPING = 3.0
+"""How long a number that a slider does not have may stand in its box [s]."""
 BEYOND = 2.5
 """How far a slider goes, in values of the scenario."""
+T = TypeVar("T")
 
 
 class Panel:
@@ -51,6 +56,7 @@ class Panel:
     def __init__(self, server: viser.ViserServer, page: Page) -> None:
         self._server, self._page = server, page
         self._settings: dict[str, Any] = {}
+        self._unfinished: tuple[Any, float] | None = None
         gui = server.gui
         self._sliders: dict[str, Any] = {}
         usual = levels({"field": NO_FIELD})
@@ -203,6 +209,9 @@ class Panel:
         self._numbers.content = numbers(state)
         self._details.content = details(state, self._page.notes)
         self._joints.read(state["q"])
+        if self._unfinished is not None and time.monotonic() - self._unfinished[1] > TYPING:
+            self._unfinished = None
+            self._show_settings(self._settings)
 
     def show_run(self, status: str) -> None:
         """Let the buttons fit a loop that runs, pauses, or has stopped by itself and cannot go on."""
@@ -342,10 +351,23 @@ class Panel:
 
         What cannot be used leaves no trace: the controls go back to what runs.
         """
+        if control in self._sliders.values() and not control.min <= control.value <= control.max:
+            self._unfinished = control, time.monotonic()  # somebody types: of 0.6 the 0 comes first
+            return
+        if self._unfinished is not None and (control is self._unfinished[0] or control is self._field):
+            self._unfinished = None
+        try:
+            self._apply(self._asked(control))
+        except VffNullError:
+            self._show_settings(self._settings)
+            raise
+
+    def _asked(self, control: Any) -> dict[str, Any]:
+        """The settings that a control asks for."""
         settings = copy.deepcopy(self._settings)
         field = settings["field"]
         if control is self._avoidance:
-            settings["avoidance"] = WAYS[control.value]
+            settings["avoidance"] = _known(WAYS, control.value)
         elif control is self._ahead:
             settings.setdefault("yielding", {}).pop("preview", None)
             if control.value:
@@ -357,17 +379,13 @@ class Panel:
         elif control is self._sliders["influence"]:
             field["influence"] = control.value
             if field.get("floor", 0.0) >= control.value:
-                field.pop("floor")
+                field.pop("floor", None)
         for key in OF_THE_CONTROLLER:
             if control is self._sliders[key]:
                 settings[key] = control.value
         if control in (self._sliders["gain"], self._field):
             field["gain"] = self._sliders["gain"].value if self._field.value else 0.0
-        try:
-            self._apply(settings)
-        except VffNullError:
-            self._show_settings(self._settings)
-            raise
+        return settings
 
     def _ask(self, task: str) -> None:
         """Begin the scenario anew with another task and the present settings."""
@@ -401,7 +419,7 @@ class Panel:
 
     def _tell(self, name: str) -> None:
         """Begin a story."""
-        story = STORIES[name]
+        story = _known(STORIES, name)
         self._page.open(story.open())
         self._look.content = f"**{name}.** {story.look}"
         self._look.visible = True
@@ -444,3 +462,10 @@ class Panel:
             if client is None:
                 raise
             client.add_notification("This cannot be done", str(fault), color="red", auto_close_seconds=8.0)
+
+
+def _known(among: Mapping[str, T], name: str) -> T:
+    """What a name stands for, which a browser has sent."""
+    if name not in among:
+        raise InputError(f"{name!r} is none of {listed(list(among))}")
+    return among[name]

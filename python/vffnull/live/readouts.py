@@ -10,7 +10,7 @@ import numpy as np
 
 from vffnull.live.plots import measures
 from vffnull.live.scene.cup import SPILLS
-from vffnull.model.headline import Finding, findings
+from vffnull.model.headline import LOST, Finding, findings
 from vffnull.model.record import THE_REST, Layout
 from vffnull.model.scenario import Scenario
 
@@ -37,11 +37,19 @@ def numbers(state: Mapping[str, Any]) -> str:
         named = ", ".join(part or THE_REST for part in parts)
         rows.append(("Lets go", "let-go", named or "nothing", not parts))
     if np.isfinite(clearance):  # the last obstacle may have been taken away
-        rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
+        rows.append(("Clearance now", "clearance", _millimetres(clearance), clearance > 0))
     if np.isfinite(least):
-        rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))
+        rows.append(("Smallest so far", "least", _millimetres(least), least > 0))
     shown = [(label, name, value, CALM if fine else ALARM) for label, name, value, fine in rows]
+    if (wanted := state.get("target_force")) is not None and state["pressed"] is not None:
+        value = f"{state['pressed']:.1f} N of {wanted:g} N"
+        shown.append(("Presses with", "pressed", value, PLAIN))
+    most = state["metrics"].get("max_error_lost") or 0.0
+    if most > LOST:
+        shown.insert(1, ("Farthest off so far", "farthest", _millimetres(most), PLAIN))
     pace = f"{state['rate'] / RATE:.2f} × real time" if state["status"] == "running" else state["status"]
+    if back := state.get("back"):
+        pace = f"{back:.1f} s ago"
     shown.append(("Simulated time", "time", f"{state['t']:.1f} s · {pace}", ALARM if is_over else PLAIN))
     if "newtons" in state:  # a scale is neither good nor bad
         shown.append(("Arrow at the base", "newtons", f"{state['newtons']:g} N of repulsion", PLAIN))
@@ -71,6 +79,19 @@ def numbers(state: Mapping[str, Any]) -> str:
         f'<table style="width:100%;border-collapse:collapse">{cells}</table>'
         f'<div id="vff-found">{lines}</div></div>'
     )
+
+
+def _millimetres(metres: float) -> str:
+    """In whole ones, but where only parts of one say on which side of 0 it is."""
+    return f"{1e3 * metres:.1f} mm" if abs(metres) < 1e-3 else f"{1e3 * metres:.0f} mm"
+
+
+def told_of(state: Mapping[str, Any], present: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
+    """What is to be read of a state, maybe one of the past; how the loop is, is said of the present."""
+    loop = {name: present[name] for name in ("status", "message", "rate", "periods", "missed", "worst")}
+    force = scenario.to_dict().get("controller", {}).get("touch", {}).get("force")
+    target = None if force is None else float(force["target"])
+    return {**state, **loop, "found": found(state, scenario), "target_force": target}
 
 
 def found(state: Mapping[str, Any], scenario: Scenario) -> list[Finding]:

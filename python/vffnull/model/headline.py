@@ -15,12 +15,12 @@ from vffnull.model.arm import listed
 if TYPE_CHECKING:
     from vffnull._core import Arm
 
-__all__ = ["OVER", "Finding", "Headline", "findings", "headline", "passing"]
+__all__ = ["LOST", "OVER", "Finding", "Headline", "findings", "headline", "passing"]
 
 Number = float | int | None
 Severity = Literal["good", "odd", "bad"]
 
-_LOST = 1e-2
+LOST = 1e-2
 """How far the end effector may be from its reference at the end [m]."""
 _TURNED = 5e-2
 """The same of its orientation [rad]."""
@@ -106,6 +106,7 @@ def headline(
         return Headline(status, "bad", (message, *lines))
     left, is_longer = _left(facts)
     more = (left,) if left and not is_longer else ()
+    more = (*more, *_farthest(facts))
     if found:
         return Headline(found[0].verdict, found[0].severity, (*lines, message, *more))
     return Headline(status, "good", (f"{message}{_untouched(facts, ignoring)}", *more))
@@ -134,11 +135,15 @@ def findings(
     """
     yield from _contacts(facts, arm)
     yield from _touched(facts, arm)
-    yield from _limits(facts, arm, slides)
+    beyond = list(_limits(facts, arm, slides))
+    yield from beyond
+    if beyond and (cut := facts.get("programs_cut")):
+        text = f"{cut} programs had no room for all constraints, or no time"
+        yield Finding("over limits", "odd", text)
     if released := facts.get("released_time"):
         yield Finding("let go", "odd", f"the look-ahead let go parts of the task for {released:.3g} s")
     off, turned = facts.get("end_error") or 0.0, facts.get("end_orientation_error") or 0.0
-    missed = [f"{_length(off)} off"] if off > _LOST else []
+    missed = [f"{_length(off)} off"] if off > LOST else []
     missed += [f"turned {math.degrees(turned):.1f}° from"] if turned > _TURNED else []
     if missed:
         text = f"the end effector is {' and '.join(missed)} its reference at the end"
@@ -219,6 +224,13 @@ def _left(facts: Mapping[str, Number]) -> tuple[str, bool]:
     if late > left - _LEFT:
         return f"the reference, which waited for {late:.3g} s, {to_go} at the end", True
     return f"the reference {to_go}", False
+
+
+def _farthest(facts: Mapping[str, Number]) -> Iterator[str]:
+    """How far the end effector was off a reference that it had reached, if farther than at the end."""
+    most = facts.get("max_error_lost") or 0.0
+    if most > max(LOST, facts.get("end_error") or 0.0):
+        yield f"the end effector was up to {_length(most)} off its reference"
 
 
 def _untouched(facts: Mapping[str, Number], ignoring: Sequence[str]) -> str:

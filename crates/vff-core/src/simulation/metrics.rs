@@ -29,6 +29,9 @@ const fn metric(name: &'static str, unit: &'static str, meaning: &'static str) -
     Metric { name, unit, meaning }
 }
 
+/// An end effector that is no farther from its reference has reached it \[m\]; headlines have the same bound.
+const REACHED: f64 = 0.01;
+
 /// Every metric, in the order of [`Metrics::values`].
 pub const METRICS: &[Metric] = &[
     metric("min_clearance", "m", "smallest surface distance between a link and an obstacle"),
@@ -57,6 +60,11 @@ pub const METRICS: &[Metric] = &[
     metric("end_time_left", "s", "for how long the reference still moves then, by its own clock"),
     metric("end_delay", "s", "how late it is then, with a governor only"),
     metric("settling_time", "s", "from then on within 2 % of the first error, or 1 mm if larger"),
+    metric(
+        "max_error_lost",
+        "m",
+        "largest distance to the reference after it had been within 1 cm of it",
+    ),
     metric("max_repulsion", "N", "largest repulsive force on a link"),
     metric("max_repulsion_time", "s", "when it occurred"),
     metric("peak_torque", "N·m", "largest joint torque; of a joint that slides, force in N"),
@@ -118,7 +126,7 @@ pub const METRICS: &[Metric] = &[
         "",
         "points of clouds, counted once a cycle, beyond the 64 that cbf keeps of a link",
     ),
-    metric("programs_cut", "", "programs of cbf that ended with constraints left"),
+    metric("programs_cut", "", "programs that ended with constraints left"),
 ];
 
 fn norm(values: &[f64]) -> f64 {
@@ -195,6 +203,8 @@ pub struct Metrics {
     min_clearance: f64,
     min_clearance_time: f64,
     min_clearance_link: usize,
+    /// The same without what a tip presses on \[m\].
+    min_room: f64,
     collision_time: Option<f64>,
     intrusion_samples: usize,
     /// The largest depth of a link in what it is not to touch \[m\], and which link that was.
@@ -203,6 +213,8 @@ pub struct Metrics {
     max_error: [f64; 2],
     max_orientation_error: Option<f64>,
     end_error: [Option<f64>; 2],
+    /// Since the end effector was on its reference \[m\].
+    max_error_lost: Option<f64>,
     settling_bound: f64,
     last_outside: Option<f64>,
     settled: bool,
@@ -256,6 +268,7 @@ impl Metrics {
             min_clearance: f64::INFINITY,
             min_clearance_time: 0.0,
             min_clearance_link: 0,
+            min_room: f64::INFINITY,
             collision_time: None,
             intrusion_samples: 0,
             deepest: (0.0, None),
@@ -263,6 +276,7 @@ impl Metrics {
             max_error: [0.0; 2],
             max_orientation_error: None,
             end_error: [None; 2],
+            max_error_lost: None,
             settling_bound: 0.0,
             last_outside: None,
             settled: false,
@@ -313,6 +327,11 @@ impl Metrics {
         (self.min_clearance, self.min_clearance_link)
     }
 
+    /// Smallest clearance so far without what a tip presses on \[m\].
+    pub fn min_room(&self) -> f64 {
+        self.min_room
+    }
+
     /// Takes in the instant of one plant step.
     pub fn update(&mut self, s: &Snapshot<'_>) {
         self.clearance(s);
@@ -348,6 +367,11 @@ impl Metrics {
             self.min_clearance = least;
             self.min_clearance_time = s.t;
             self.min_clearance_link = link.unwrap_or(0);
+        }
+        if s.unpressed.is_some() {
+            self.min_room = s.room().fold(self.min_room, |least, d| nearer(least, &d));
+        } else {
+            self.min_room = nearer(self.min_room, &least);
         }
         if least < 0.0 && s.collides() {
             self.collision_time.get_or_insert(s.t);
@@ -390,6 +414,10 @@ impl Metrics {
         self.end_error = [Some(error), (!orientation.is_empty()).then(|| norm(orientation))];
         if self.samples == 0 {
             self.settling_bound = (0.02 * error).max(1e-3);
+        }
+        if error <= REACHED || self.max_error_lost.is_some() {
+            let worst = self.max_error_lost.get_or_insert(0.0);
+            *worst = larger(*worst, error);
         }
         self.settled = error <= self.settling_bound;
         if !self.settled {
@@ -510,6 +538,7 @@ impl Metrics {
             optional(end_times[0]),
             optional(end_times[1]),
             settling,
+            optional(self.max_error_lost),
             number(self.max_repulsion),
             optional(self.max_repulsion_time),
             number(self.peak_torque),

@@ -15,6 +15,7 @@ from bokeh.models import (
     ColumnDataSource,
     CustomJS,
     CustomJSTickFormatter,
+    FixedTicker,
     HoverTool,
     Label,
     Range1d,
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome
 
 Array = NDArray[np.float64]
+
+SHORTEST = 1e-3
+"""An axis of time is no shorter than that [s]."""
 
 _INSTANTS = 1500
 _LONGEST = 0.12  # of the picture's width, the arrow of the greatest force
@@ -156,7 +160,7 @@ def plots(runs: list[Run], names: list[str]) -> list[figure]:
     """The plots over a common time: of one run a line per link or joint, of several a line per run."""
     alone = len(runs) == 1
     end = max(float(run.t[-1]) for run in runs)
-    time = Range1d(min(float(run.t[0]) for run in runs), max(end, 1e-9))
+    time = Range1d(min(float(run.t[0]) for run in runs), max(end, SHORTEST))
     obstacles = any(run.scene.cores for run in runs)
     colours = run_colours(len(runs))
 
@@ -239,6 +243,8 @@ def _panel(
         drawable = np.where(np.isfinite(values), values, np.nan).astype(np.float32)
         source = ColumnDataSource({"t": t.astype(np.float32), "value": drawable})
         line = fig.line("t", "value", source=source, line_color=colour, line_width=1.7, name=name)
+        if len(t) < 3:  # no curve
+            fig.scatter("t", "value", source=source, color=colour, size=7)
         tip = [("", f"$name: @value{{{form}}} {unit} at @t{{0.00}} s")]
         how_shown = {"@value": "printf"}
         fig.add_tools(
@@ -269,6 +275,8 @@ def _error(runs: list[Run], names: list[str], colours: list[str], time: Range1d)
                 text_color="#777777",
             )
         )
+    powers = np.arange(round(np.log10(low)), round(np.log10(high)) + 1)
+    fig.yaxis.ticker = FixedTicker(ticks=(10.0 ** powers[:: 1 + len(powers) // 8]).tolist())
     fig.yaxis.formatter = CustomJSTickFormatter(
         code="""
         const power = Math.round(Math.log10(tick))

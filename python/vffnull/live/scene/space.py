@@ -269,7 +269,9 @@ class SpaceScene(Scene):
         reach = self.reach
         side = -1.0 if count % 2 else 1.0
         base = self._still.joints[0, 0]
-        place = base + reach * np.array([0.1 + 0.2 * (count // 2 % 4), 0.65 * side, 0.45])
+        place = base + reach * np.array(
+            [0.1 + 0.2 * (count // 2 % 4), 0.65 * side, 0.45 + 0.2 * (count // 8 % 3)]
+        )
         return {"shape": {"kind": "sphere", "radius": 0.09 * reach}, "position": place.tolist()}
 
     # ---------------------------------------------------------------------------------------------- frames

@@ -84,7 +84,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let controller = self.controller();
         let [is_limited, looks_ahead] = controller.is_limited();
         let (ahead, keeps) = (is_limited && looks_ahead, controller.slack().is_some());
-        let is_there = [is_limited, ahead, ahead, keeps, keeps];
+        let is_there = [is_limited, ahead, ahead, keeps, controller.has_program()];
         let mut counts = controller.left_out().named().into_iter().zip(is_there);
         [(); 5].map(|()| counts.next().and_then(|((_, count), there)| there.then_some(count)))
     }
