@@ -26,10 +26,12 @@ up to the largest torque of an action. Of obstacles that the controller does not
 
 **Reward** per step, with weights w:
 
-    w_alive − w_tracking ‖error‖ − w_clearance max(0, 1 − clearance/margin)² − w_effort mean(action²)
+    w_alive − w_tracking ‖error‖ − w_clearance s² − w_effort mean(action²)
 
-and −w_collision when the episode is terminated. The clearance is the smallest within the step; ``info`` has
-every part. Error and clearance here are the true ones, also where a scenario has sensors.
+with s = 1 − clearance/margin between 0 and 1, and −w_collision when the episode is terminated. In ‖error‖ an
+angle counts as the arc that it is at the arm's characteristic length; ``info["tracking_error"]`` is that. The
+clearance is the smallest within the step; ``info`` has every part. Error and clearance here are the true
+ones, also where a scenario has sensors.
 
 An episode is **terminated** when a link touches an obstacle, but for the last one where its tip is to press
 on something (``[controller.touch.force]``), or a joint turns faster than 100 rad/s, and
@@ -219,8 +221,8 @@ class ReachEnv(gymnasium.Env["Array", "Array"]):
         with self._episodes.lock:
             if seed is None and not self._seeded:
                 seed = int(self.np_random.integers(2**32))
-            self._seeded = True
             observations, infos = self._episodes.core.reset([seed])
+            self._seeded = True
         return observations[0], self._episodes.info(infos[0])
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:

@@ -286,7 +286,7 @@ class Result(Outcome):
         for name, values in recorded(self).items():
             quantity = layout.quantities[name]
             labels = {"units": layout.units(name, values.shape[1:]), "long_name": quantity.meaning}
-            data[name] = (("t", *quantity.over), values, labels)
+            data[name] = (("t", *quantity.over), values.copy(), labels)
             for over, size in zip(quantity.over, values.shape[1:], strict=True):
                 sizes[over] = size
         dataset: xarray.Dataset = library.Dataset(
