@@ -184,6 +184,15 @@ fn features() -> [Kind; 6] {
     .map(|feature| discriminant(&feature))
 }
 
+/// By how much the edges of two contacts differ, which are no other ones if that is little.
+fn turned(a: &Contact<3>, b: &Contact<3>) -> f64 {
+    let edge = |contact: &Contact<3>| match contact.feature {
+        Feature::Edge { edge, .. } | Feature::Crossing { edge, .. } => edge,
+        _ => Vector::zeros(),
+    };
+    (a.axis - b.axis).norm().max((edge(a) - edge(b)).norm())
+}
+
 /// They are the derivatives of the distance along a motion, for every shape and motion of obstacles and every pair of
 /// features, in penetration too; and all of these were met.
 #[test]
@@ -198,6 +207,7 @@ fn rates_are_derivatives_of_the_distance() {
             (-2..=2).map(|k| contact_at(&c, &mut world, h * f64::from(k)).1).collect();
         let kinds = |contact: &Contact<3>| discriminant(&contact.feature);
         prop_assume!(samples.iter().all(|s| kinds(s) == kinds(&samples[0])));
+        prop_assume!(samples.iter().all(|s| turned(s, &samples[0]) < 0.1));
         let d: Vec<f64> = samples.iter().map(|s| s.distance).collect();
         let Differences { rate, second, curved, uneven } = differences(&d, h);
         let scale = 1.0 + second.abs();
