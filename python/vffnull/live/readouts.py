@@ -25,7 +25,15 @@ def numbers(state: Mapping[str, Any]) -> str:
     """The read-out as HTML."""
     clearance, error, _, angle = measures(state)
     least, is_over = state["min_clearance"], state["status"] in STOPPED
-    rows = [("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", error < 1)]
+    presses = state.get("target_force") is not None  # into what it is to press on, as far as that gives
+    rows = [
+        (
+            "Tip off its target",
+            "tip",
+            f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm",
+            error < 1 or (presses and error < 1e3 * LOST),
+        )
+    ]
     if np.isfinite(angle):
         value = f"{angle:.3f}°" if angle < 1 else f"{angle:.1f}°"
         rows.append(("Turned off by", "angle", value, angle < 0.5))
