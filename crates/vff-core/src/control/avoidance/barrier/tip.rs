@@ -34,7 +34,7 @@ pub(super) struct Plane {
 }
 
 /// How the tip moves, or turns.
-struct Pace<F, const N: usize> {
+struct Pace<'a, const N: usize> {
     turns: bool,
     /// What is kept of it \[m/s, rad/s\].
     most: f64,
@@ -42,7 +42,7 @@ struct Pace<F, const N: usize> {
     /// Its rate while q̈ = 0.
     drift: Vector<N>,
     /// What a joint adds to it.
-    column: F,
+    column: &'a dyn Fn(usize) -> Vector<N>,
 }
 
 impl Barrier {
@@ -56,13 +56,13 @@ impl Barrier {
         let mut keeps = false;
         if speed.is_finite() {
             let (velocity, drift) = (robot.task_velocity::<D>(), robot.task_bias_acceleration());
-            let column = |i| robot.jacobian_column::<D>(i);
+            let column = &|i| robot.jacobian_column::<D>(i);
             let pace = Pace { turns: false, most: speed, velocity, drift, column };
             keeps |= self.keep_pace(&pace, robot, toward);
         }
         if turning.is_finite() {
             let [velocity, drift] = robot.turning();
-            let column = |i| robot.turning_column(i);
+            let column = &|i| robot.turning_column(i);
             let pace = Pace { turns: true, most: turning, velocity, drift, column };
             keeps |= self.keep_pace(&pace, robot, toward);
             let share = (velocity.norm() / turning - CALM) / (1.0 - CALM);
@@ -72,13 +72,14 @@ impl Barrier {
     }
 
     /// A plane that touches the ball of (T114) the way that the tip would go.
+    #[inline(never)]
     fn keep_pace<R: Robot<D>, const D: usize, const N: usize>(
         &mut self,
-        pace: &Pace<impl Fn(usize) -> Vector<N>, N>,
+        pace: &Pace<'_, N>,
         robot: &R,
         toward: Toward<'_>,
     ) -> bool {
-        let Pace { most, velocity, drift, ref column, .. } = *pace;
+        let Pace { most, velocity, drift, column, .. } = *pace;
         let n = self.nominal.len();
         interrupt::checkpoint(24 * n);
         let later = |ddq: &dyn Fn(usize) -> f64| {
@@ -136,12 +137,7 @@ impl Barrier {
 
     /// What the ball of (T114) is beyond its planes, where the last program has it: the curvature of |v + v̇/k|, times what the planes
     /// bear, joins the cost (sequential quadratic programming), so that a few planes are enough.
-    fn bend<const N: usize>(
-        &mut self,
-        pace: &Pace<impl Fn(usize) -> Vector<N>, N>,
-        way: &Vector<N>,
-        speed: f64,
-    ) {
+    fn bend<const N: usize>(&mut self, pace: &Pace<'_, N>, way: &Vector<N>, speed: f64) {
         let Self { program, planes, hessian, gradient, nominal, rate, .. } = self;
         let n = nominal.len();
         let is_plane =

@@ -18,6 +18,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     }
 
     /// The same of an arm at `q`, when the reference begins once more.
+    #[inline(never)]
     pub(super) fn missed_at(&self, q: &[f64]) -> Option<MissedStart> {
         let followed = self.followed.as_ref()?;
         let mut robot = self.controller.robot().clone();
@@ -32,6 +33,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     }
 
     /// The joint that is farthest beyond what a loop may begin with, if one is.
+    #[inline(never)]
     pub(super) fn far_beyond(&self, q: &[f64]) -> Option<MissedStart> {
         let (arm, stops) = (&self.arm, &self.arm.limits().joint);
         let beyond = |(i, [low, high]): (usize, &[f64; 2])| {

@@ -96,6 +96,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     }
 
     /// From now on the joints are moved within these limits, or, without any, by the torque. Forgets the past.
+    #[inline(never)]
     pub(super) fn move_within(&mut self, limits: Option<&MotionLimits>) {
         self.come_back();
         self.end_watch();
@@ -111,6 +112,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     }
 
     /// Nobody watches over a loop of torques any more.
+    #[inline(never)]
     pub(super) fn end_watch(&mut self) {
         (self.supervisor, self.aside) = (None, None);
     }
@@ -156,6 +158,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     }
 
     /// What is around with these obstacles.
+    #[inline(never)]
     pub(super) fn world_of(
         &self,
         obstacles: Vec<<S::Geometry as ObstacleGeometry<D>>::Obstacle>,

@@ -9,6 +9,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// The time of the obstacles \[s\] when the clock of the states says `t`. In a loop that is watched over, as long as it is not over,
     /// that clock may have been set since the last state: what is said to be a second away from now is now. Before its first state, a time
     /// that lies back is of another clock than the last loop's, and the obstacles are where they were; as before the first of set points.
+    #[inline(never)]
     pub(super) fn world_time(&self, t: f64) -> f64 {
         let at = self.loop_time(t) - self.epoch;
         let begins = match self.supervisor.as_ref().filter(|it| !it.phase().is_over()) {

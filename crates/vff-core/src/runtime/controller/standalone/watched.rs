@@ -77,6 +77,7 @@ where
     }
 
     /// Forgets the past, and ends a loop that is over.
+    #[inline(never)]
     pub(super) fn forget_past(&mut self) {
         self.come_back();
         if self.supervisor.as_ref().is_some_and(|supervisor| supervisor.phase().is_over()) {
@@ -95,6 +96,7 @@ where
     }
 
     /// What comes next is of another loop, by another clock.
+    #[inline(never)]
     fn leave_clock(&mut self) {
         self.placed.fill(None);
         self.period = None;
