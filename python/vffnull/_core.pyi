@@ -1993,6 +1993,9 @@ def plan(
         How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
     upright : list of float or None
         The configuration in which it stands upright [rad]; the start by default.
+    approach, retreat : list of float or None
+        How far the end effector comes straight to the goal and leaves the start [m], as one number, or the
+        vectors along which it does; None: that does not matter.
     acceleration, jerk : list of float or None
         What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane, 10 in space, and any.
     speed : float

@@ -181,7 +181,7 @@ impl Bench {
             0 => {
                 self.controller.follow();
             }
-            1 => self.controller.accelerate(None, false, &mut vec![0.0; n]).unwrap(),
+            1 => drop(self.controller.follow().to_vec()),
             2 if wild < 10.0 => {
                 self.controller.stable_period(&q, self.t);
             }

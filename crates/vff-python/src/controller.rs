@@ -102,7 +102,8 @@ impl Controller {
         let (q, dq) = (vector("q", call.q, self.n)?, vector("dq", call.dq, self.n)?);
         let reference = Reference::read(self.widths, Some(call.x), call.dx, call.ddx)?;
         let target = reference.numbers();
-        let done = self.asked_among(py, call.obstacles, |controller| {
+        let accepts = |controller: &AnyController| controller.check(&target).is_ok();
+        let done = self.asked_among(py, call.obstacles, accepts, |controller| {
             let tau = controller.torque(&q, &dq, &target, t)?.to_vec();
             let finite = tau.iter().all(|tau| tau.is_finite());
             Ok((take(&tau, controller), finite))
@@ -347,8 +348,11 @@ impl Controller {
             (Some(t), Some(q), Some(dq)) => Some(Reading { t, q, dq }),
             _ => None,
         };
-        let done = self.among(py, obstacles, |controller| {
-            let phase = controller.cycle(reading, reference.target().as_ref())?;
+        let target = reference.target();
+        let fits = |law: &AnyController| target.as_ref().is_none_or(|x| law.check(x).is_ok());
+        let accepts = |law: &AnyController| law.phase().is_some() && fits(law);
+        let done = self.among(py, obstacles, accepts, |controller| {
+            let phase = controller.cycle(reading, target.as_ref())?;
             Ok((controller.sent().unwrap_or_default().to_vec(), phase))
         })?;
         let (tau, phase) = done.map_err(|fault: CycleError| {
@@ -468,8 +472,7 @@ impl Controller {
     ) -> PyResult<(f64, f64, f64)> {
         let t = finite_time(t)?;
         let q = vector("q", q, self.n)?;
-        let found =
-            self.asked_among(py, obstacles, |controller| controller.stable_period(&q, t))?;
+        let found = self.asked_among(py, obstacles, |_| true, |law| law.stable_period(&q, t))?;
         Ok((found.period, found.stiffness, found.clearance))
     }
 

@@ -30,6 +30,9 @@ use vff_core::trajectory::JointSpline;
 ///     How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
 /// upright : list of float or None
 ///     The configuration in which it stands upright [rad]; the start by default.
+/// approach, retreat : list of float or None
+///     How far the end effector comes straight to the goal and leaves the start [m], as one number, or the
+///     vectors along which it does; None: that does not matter.
 /// acceleration, jerk : list of float or None
 ///     What the joints may do [rad/s², m/s²; rad/s³, m/s³]; by default 30 in the plane, 10 in space, and any.
 /// speed : float
@@ -52,7 +55,7 @@ use vff_core::trajectory::JointSpline;
 /// vffnull.errors.ScenarioError
 ///     If the scenario cannot be read, or a setting is of no use.
 #[pyfunction]
-#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, acceleration, jerk, speed, samples, paths, seed))]
+#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, approach, retreat, acceleration, jerk, speed, samples, paths, seed))]
 #[expect(clippy::too_many_arguments, reason = "each by its name in Python")]
 pub fn plan<'py>(
     py: Python<'py>,
@@ -64,6 +67,8 @@ pub fn plan<'py>(
     horizon: Option<f64>,
     tilt: Option<f64>,
     upright: Option<Vec<f64>>,
+    approach: Option<Vec<f64>>,
+    retreat: Option<Vec<f64>>,
     acceleration: Option<Vec<f64>>,
     jerk: Option<Vec<f64>>,
     speed: f64,
@@ -71,6 +76,10 @@ pub fn plan<'py>(
     paths: usize,
     seed: u64,
 ) -> PyResult<Bound<'py, PyDict>> {
+    let straight = |given: Vec<f64>| match given[..] {
+        [far] => ScalarOrVec::Uniform(far),
+        _ => ScalarOrVec::Each(given),
+    };
     let settings = PlanSettings {
         start,
         goal,
@@ -79,6 +88,8 @@ pub fn plan<'py>(
         horizon,
         tilt,
         upright,
+        approach: approach.map(straight),
+        retreat: retreat.map(straight),
         acceleration: acceleration.map(ScalarOrVec::Each),
         jerk: jerk.map(ScalarOrVec::Each),
         speed,

@@ -8,7 +8,7 @@ use crate::exclusive::Exclusive;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use vff_core::math::ScalarOrVec;
-use vff_core::runtime::{self, Course, CycleError, SetPointLimits, VirtualArmError};
+use vff_core::runtime::{self, AnyController, Course, CycleError, SetPointLimits, VirtualArmError};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -156,7 +156,10 @@ impl VirtualArm {
         let q = q.map(|q| any_vector("q", q, self.n)).transpose()?;
         let dq = dq.map(|dq| any_vector("dq", dq, self.n)).transpose()?;
         let measured = q.as_deref().zip(dq.as_deref()).map(|(q, dq)| [q, dq]);
-        let done: PyResult<([Vec<f64>; 3], Course)> = law.among(py, obstacles, |controller| {
+        let target = reference.target();
+        let fits = |law: &AnyController| target.as_ref().is_none_or(|x| law.check(x).is_ok());
+        let accepts = |law: &AnyController| law.sets_points() && fits(law);
+        let done: PyResult<([Vec<f64>; 3], Course)> = law.among(py, obstacles, accepts, |controller| {
             let mut inner = self.inner.take(py)?;
             let fault = |fault: CycleError| match fault {
                 CycleError::NotBegun => InputError::new_err(
@@ -164,7 +167,7 @@ impl VirtualArm {
                 ),
                 fault => InputError::new_err(fault.to_string()),
             };
-            let course = inner.step(controller, t, reference.target().as_ref(), measured);
+            let course = inner.step(controller, t, target.as_ref(), measured);
             Ok((inner.set_point().map(<[f64]>::to_vec), course.map_err(fault)?))
         })?;
         let ([q, dq, ddq], course) = done?;

@@ -94,6 +94,18 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     help="How far the end effector may lean [rad]; by default that does not matter.",
 )
 @click.option(
+    "--approach",
+    callback=_each,
+    metavar="LENGTH|X,Y,Z",
+    help="Come straight to each goal, so far along the tool's axis, or along a vector [m].",
+)
+@click.option(
+    "--retreat",
+    callback=_each,
+    metavar="LENGTH|X,Y,Z",
+    help="Leave straight, so far back along the tool's axis, or along a vector [m].",
+)
+@click.option(
     "--acceleration",
     callback=_each,
     metavar="A[,B,…]",
@@ -120,6 +132,8 @@ def plan(
     speed: float,
     horizon: float | None,
     tilt: float | None,
+    approach: float | list[float] | None,
+    retreat: float | list[float] | None,
     acceleration: float | list[float] | None,
     jerk: float | list[float] | None,
     samples: int,
@@ -159,6 +173,8 @@ def plan(
         margin=margin,
         horizon=horizon,
         tilt=tilt,
+        approach=approach,
+        retreat=retreat,
         acceleration=acceleration,
         jerk=jerk,
         speed=speed,

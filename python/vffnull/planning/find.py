@@ -37,6 +37,8 @@ def plan(
     margin: float = 0.02,
     horizon: float | None = 1.0,
     tilt: float | None = None,
+    approach: ArrayLike | None = None,
+    retreat: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     jerk: ArrayLike | None = None,
     speed: float = 0.5,
@@ -76,6 +78,14 @@ def plan(
         How far the end effector may lean from how it stands at the start [rad], > 0, whichever way it turns
         about the vertical; in the plane how far it may turn. By default that does not matter. Of several
         goals, from how it stands before the first.
+    approach : float or (2,) or (3,) array_like, optional
+        How far the end effector comes straight to the goal, without turning [m], >= 0: along what it has in
+        front of it there, z in space and the last link in the plane. Or the vector along which it comes [m].
+        The arm rests for a moment where that begins. By default it comes any way. With several goals, to each
+        of them.
+    retreat : float or (2,) or (3,) array_like, optional
+        The same of how it leaves the start: straight back, or along a vector. With several goals, each of
+        them on the way to the next, too.
     acceleration : float or (n,) array_like, optional
         The limit of acceleration [rad/s²], > 0, for all joints or one each; 30 rad/s² in the plane and
         10 rad/s² in space by default.
@@ -123,6 +133,12 @@ def plan(
     >>> level = plan("panda-shelf", horizon=0, tilt=np.radians(10))
     >>> bool(level.tilt <= np.radians(10))
     True
+
+    Down onto the goal for the last 8 cm, as a gripper does:
+
+    >>> down = plan("panda-shelf", horizon=0, approach=0.08)
+    >>> bool(down.duration > plan("panda-shelf", horizon=0).duration)
+    True
     """
     ready = prepare(scenario)
     document, arm = ready._document, ready.arm  # neither changes here, and to copy them takes milliseconds
@@ -133,6 +149,8 @@ def plan(
         "horizon": None if horizon is None else _finite("horizon", horizon),
         "tilt": None if tilt is None else positive("tilt", tilt),
         "upright": None if tilt is None else document["q0"] if at is None else at,
+        "approach": _straight("approach", approach, arm.dimension),
+        "retreat": _straight("retreat", retreat, arm.dimension),
         "acceleration": _each("acceleration", acceleration, len(document["q0"])),
         "jerk": _each("jerk", jerk, len(document["q0"])),
         "speed": _finite("speed", speed),
@@ -256,6 +274,13 @@ def _each(name: str, value: Any, n: int) -> list[float] | None:
     if value is None:
         return None
     return [number(name, value)] * n if np.ndim(value) == 0 else _vector(name, value, n)
+
+
+def _straight(name: str, value: Any, dimension: int) -> list[float] | None:
+    """A length as one number, or a vector."""
+    if value is None:
+        return None
+    return [_finite(name, value)] if np.ndim(value) == 0 else _vector(name, value, dimension)
 
 
 def _finite(name: str, value: object) -> float:

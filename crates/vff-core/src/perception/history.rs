@@ -50,17 +50,30 @@ impl History {
         self.next = 0;
     }
 
-    /// Places of the states, from the oldest.
-    fn places(&self) -> impl DoubleEndedIterator<Item = usize> + '_ {
-        let count = self.times.len();
-        let first = if count < KEPT { 0 } else { self.next };
-        (0..count).map(move |k| (first + k) % count)
+    /// Place of the oldest state.
+    fn first(&self) -> usize {
+        if self.times.len() < KEPT { 0 } else { self.next }
+    }
+
+    /// Place of the k-th state, from the oldest.
+    fn place(&self, k: usize) -> usize {
+        (self.first() + k) % self.times.len()
+    }
+
+    /// Instant of the k-th state, from the oldest \[s\].
+    fn time(&self, k: usize) -> f64 {
+        self.times[self.place(k)]
+    }
+
+    /// Places of the oldest `count` states, from the oldest.
+    fn places(&self, count: usize) -> impl DoubleEndedIterator<Item = usize> + '_ {
+        (0..count).map(|k| self.place(k))
     }
 
     /// Takes in the state at time `t` \[s\], which is later than the last, or than the last before a leap that it shows to be none:
     /// one wrong time in the future would otherwise refuse all states from then on. Whether it has taken states back.
     pub(super) fn add(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Result<bool, PerceptionError> {
-        let last = self.places().next_back().map(|place| self.times[place]);
+        let last = self.times.len().checked_sub(1).map(|k| self.time(k));
         let is_back = last.is_some_and(|last| t <= last);
         if !t.is_finite() || (is_back && !self.take_back(t)) {
             return Err(PerceptionError::NotLater { given: t, last });
@@ -82,8 +95,7 @@ impl History {
     /// one of all, if it is the only one and the next is as much earlier. Returns whether it did.
     fn take_back(&mut self, t: f64) -> bool {
         let count = self.times.len();
-        let first = if count < KEPT { 0 } else { self.next };
-        let time = |k: usize| self.times[(first + k) % count];
+        let time = |k: usize| self.time(k);
         let has_leapt = |k: &usize| match k.checked_sub(1).map(time) {
             Some(before) => before < t && t - before <= LEAP && time(*k) - before > LEAP,
             None => count == 1 && time(0) - t > LEAP,
@@ -91,6 +103,7 @@ impl History {
         let Some(kept) = (count.saturating_sub(TRIAL)..count).rev().find(has_leapt) else {
             return false;
         };
+        let first = self.first();
         self.times.rotate_left(first);
         self.times.truncate(kept);
         self.states.rotate_left(2 * self.n * first);
@@ -107,9 +120,7 @@ impl History {
     /// fewer than those before.
     fn believed(&self) -> usize {
         let count = self.times.len();
-        let first = if count < KEPT { 0 } else { self.next };
-        let time = |k: usize| self.times[(first + k) % count];
-        let leaps = |k: &usize| count - *k < *k && time(*k) - time(*k - 1) > FAR;
+        let leaps = |k: &usize| count - *k < *k && self.time(*k) - self.time(*k - 1) > FAR;
         (count.saturating_sub(TRIAL)..count).find(leaps).unwrap_or(count)
     }
 
@@ -117,11 +128,10 @@ impl History {
     /// there was none \[s\], which is 0 there: before the first and after the last it goes on at constant velocity. None if no
     /// state that is believed is known `within` that time \[s\]: what the arm did in a gap nobody knows.
     pub(super) fn at(&self, t: f64, within: f64, q: &mut [f64], dq: &mut [f64]) -> Option<f64> {
-        let doubted = self.times.len() - self.believed();
-        let after = self.places().rev().skip(doubted).take_while(|place| self.times[*place] >= t);
-        let after = after.last();
-        let mut early = self.places().rev().skip(doubted);
-        let before = early.find(|place| self.times[*place] <= t);
+        let believed = self.believed();
+        let places = || self.places(believed).rev();
+        let after = places().take_while(|place| self.times[*place] >= t).last();
+        let before = places().find(|place| self.times[*place] <= t);
         let off = |place: &usize| (t - self.times[*place]).abs();
         let nearest = before.iter().chain(&after).map(off).fold(f64::INFINITY, f64::min);
         // Not more exactly than times can be written.

@@ -258,6 +258,7 @@ where
             return None;
         };
         asked.taken = Some(moment.t);
+        let reason = asked.reason;
         self.wait = [moment.t + PAUSES[0], PAUSES[0]];
         self.kept = plan.margin;
         self.waits = 0;
@@ -276,7 +277,9 @@ where
         let joints =
             joints.keeping_on(reference.joints(), moment.law.yielding.margin, path_time, blend);
         let follow = |joints| follow_plan::<S::State, D, M>(self.arm.state(), joints);
-        Some(match reference.joints() {
+        // Along a clock that waits, a reference comes back to the arm no faster than the arm lets it.
+        let comes_back = reason == Reason::Blocked || moment.law.governor.is_some();
+        Some(match reference.joints().filter(|_| comes_back) {
             Some(old) => {
                 follow(joints.taking_over(old, path_time, blend)).displaced_like(reference)
             }
@@ -293,8 +296,6 @@ where
         let ReplanSettings { latency, margin, horizon, tilt, speed, samples, .. } = self.settings;
         let ReplanSettings { acceleration, jerk, .. } = self.settings.clone();
         let settings = PlanSettings {
-            start: None,
-            goal: None,
             time: moment.since + latency,
             margin,
             horizon: Some(horizon),
@@ -304,8 +305,8 @@ where
             jerk,
             speed,
             samples,
-            paths: PlanSettings::default().paths,
             seed: self.seed.wrapping_add(self.searches.len() as u64),
+            ..PlanSettings::default()
         };
         let mut task = Task::<S, D, M> {
             arm: Arc::clone(&self.arm),

@@ -336,8 +336,7 @@ impl VirtualArm {
         let measured =
             measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
         let measured = measured.filter(|[q, _]| self.hear(q));
-        controller.observe(&self.out[0], &self.out[1], t);
-        controller.accelerate(target, true, &mut self.wanted)?;
+        controller.set_point([&self.out[0], &self.out[1]], t, target, &mut self.wanted)?;
         self.course = self.choose(measured.is_some());
         if self.course == Course::Finished {
             controller.end_set_points();

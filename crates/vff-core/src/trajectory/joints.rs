@@ -2,7 +2,7 @@
 
 use super::piecewise;
 use super::spline::{Ends, cubics};
-use super::taking_over::Fading;
+use super::taking_over::{Fading, Vanishing};
 use super::{KeptMargins, TrajectoryError};
 use crate::interrupt;
 use crate::math::Vector;
@@ -37,7 +37,7 @@ pub struct JointSpline {
     /// What is left of the motion before, of each joint.
     before: Option<Fading>,
     /// By how much the posture still is elsewhere, of each joint.
-    drawn: Option<Fading>,
+    drawn: Option<Vanishing>,
     /// What every link is known to keep on the way.
     margins: Option<KeptMargins>,
 }
@@ -120,15 +120,15 @@ impl JointSpline {
         self
     }
 
-    /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], nowhere if there are no numbers, and is
-    /// where the joints are `duration` \[s\], > 0, later ([`draw`](Self::draw)).
+    /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], nowhere if there are no numbers, of which
+    /// less and less is left until it is where the joints are, `duration` \[s\], > 0, later ([`draw`](Self::draw)).
     #[must_use]
     pub fn drawing_from(mut self, q: impl Iterator<Item = f64>, t: f64, duration: f64) -> Self {
         let mut there = [0; 3].map(|_| vec![0.0; self.n]);
         self.at(t, there.each_mut().map(Vec::as_mut_slice));
         let [x, dx, ddx] = &there;
         let left = q.zip(0..self.n).map(|(q, i)| [q - x[i], -dx[i], -ddx[i]]);
-        self.drawn = Some(Fading::new(t, duration, left));
+        self.drawn = Some(Vanishing::new(t, duration, left));
         self
     }
 
@@ -227,7 +227,7 @@ impl JointSpline {
     pub fn at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
         self.on_spline(t, [&mut *q, &mut *dq, &mut *ddq]);
         if let Some(before) = &self.before {
-            add(before, t, [q, dq, ddq]);
+            add(before.at(t), [q, dq, ddq]);
         }
     }
 
@@ -237,7 +237,7 @@ impl JointSpline {
     /// If one of the slices has not a number for each joint.
     pub fn draw(&self, t: f64, state: [&mut [f64]; 3]) {
         if let Some(drawn) = &self.drawn {
-            add(drawn, t, state);
+            add(drawn.at(t), state);
         }
     }
 
@@ -259,10 +259,10 @@ impl JointSpline {
     }
 }
 
-/// Adds what is left at time `t` \[s\] of each joint.
+/// Adds what is left of each joint.
 #[inline(never)] // seldom anything is
-fn add(fading: &Fading, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
-    for (joint, [x, dx, ddx]) in fading.at(t).enumerate() {
+fn add(left: impl Iterator<Item = [f64; 3]>, [q, dq, ddq]: [&mut [f64]; 3]) {
+    for (joint, [x, dx, ddx]) in left.enumerate() {
         q[joint] += x;
         dq[joint] += dx;
         ddq[joint] += ddx;
@@ -469,10 +469,11 @@ mod tests {
         };
         close(posture(0.8), [vec![0.3, -0.2], vec![0.0; 2], vec![0.0; 2]], 1e-12);
         assert_eq!((at(&drawn, 0.8), posture(1.31)), (at(&both, 0.8), at(&both, 1.31)));
-        let [before, now, after] = [1.0 - h, 1.0, 1.0 + h].map(posture);
-        for i in 0..2 {
-            assert!(((after[0][i] - before[0][i]) / (2.0 * h) - now[1][i]).abs() < 1e-6);
-            assert!(((after[1][i] - before[1][i]) / (2.0 * h) - now[2][i]).abs() < 1e-5);
+        // It is let go: half of what it was off, as it moved then, and nothing of how it comes.
+        let ([first, then], half) = ([0.8, 1.05].map(|t| at(&both, t)), posture(1.05));
+        let off = [[0.3, -0.2], [0.0; 2], [0.0; 2]];
+        for (k, i) in [0, 1, 2].into_iter().flat_map(|k| [(k, 0), (k, 1)]) {
+            assert!((half[k][i] - then[k][i] - 0.5 * (off[k][i] - first[k][i])).abs() < 1e-12);
         }
     }
 }

@@ -45,7 +45,8 @@ impl Controller {
         Ok(act(&mut self.inner.take(py)?.controller))
     }
 
-    /// Does something with the law among these obstacles.
+    /// Does something with the law among these obstacles. Where it does not accept that, which is then to be refused, they are not
+    /// taken in.
     ///
     /// Whatever may run Python code (arrays, obstacles) is read while the lock is not held: that
     /// code may call this very controller.
@@ -53,24 +54,29 @@ impl Controller {
         &self,
         py: Python<'_>,
         obstacles: Option<&Bound<'_, PyAny>>,
+        accepts: impl FnOnce(&AnyController) -> bool,
         act: impl FnOnce(&mut AnyController) -> T,
     ) -> PyResult<T> {
-        self.among_those(py, obstacles.map_or(Ok(vec![]), sequence)?, act)
+        self.among_those(py, obstacles.map_or(Ok(vec![]), sequence)?, accepts, act)
     }
 
     fn among_those<T>(
         &self,
         py: Python<'_>,
         given: Vec<Bound<'_, PyAny>>,
+        accepts: impl FnOnce(&AnyController) -> bool,
         act: impl FnOnce(&mut AnyController) -> T,
     ) -> PyResult<T> {
         let mut inner = self.inner.take(py)?;
-        let mut old = vec![];
-        if !inner.around.knows(py, &given) {
+        let (mut old, mut left) = (vec![], None);
+        if !inner.around.knows(py, &given) && accepts(&inner.controller) {
             drop(inner);
             let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
             inner = self.inner.take(py)?;
-            inner.controller.surround(read).map_err(|error| errors::scenario(&error))?;
+            let around = attended(|| inner.controller.surroundings_of(read))?;
+            let mut around = around.map_err(|error| errors::scenario(&error))?;
+            inner.controller.exchange(&mut around, 0.0);
+            left = Some(around);
             old = replace(&mut inner.around.0, given.into_iter().map(Bound::unbind).collect());
         }
         let done = attended(|| act(&mut inner.controller));
@@ -79,28 +85,31 @@ impl Controller {
             old = take(&mut inner.around.0);
         }
         drop(inner);
+        drop(left);
         drop(old); // which may run Python code, too
         done
     }
 
-    /// The same for what is no cycle of a loop that is watched over: that goes on among its own obstacles, and what has been seen of
+    /// The same for what is no cycle of a loop that is watched over or sets points: that goes on among its own obstacles, and what has been seen of
     /// them.
     pub(super) fn asked_among<T>(
         &self,
         py: Python<'_>,
         obstacles: Option<&Bound<'_, PyAny>>,
+        accepts: impl FnOnce(&AnyController) -> bool,
         act: impl FnOnce(&mut AnyController) -> T,
     ) -> PyResult<T> {
         let given = obstacles.map_or(Ok(vec![]), sequence)?;
         let inner = self.inner.take(py)?;
-        if inner.controller.phase().is_none() || inner.around.knows(py, &given) {
+        let is_own = inner.controller.phase().is_none() && !inner.controller.sets_points();
+        if is_own || inner.around.knows(py, &given) {
             drop(inner);
-            return self.among_those(py, given, act);
+            return self.among_those(py, given, accepts, act);
         }
         drop(inner);
         let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
         let mut inner = self.inner.take(py)?;
-        let around = inner.controller.surroundings_of(read);
+        let around = attended(|| inner.controller.surroundings_of(read))?;
         let mut around = around.map_err(|error| errors::scenario(&error))?;
         inner.controller.lend(&mut around);
         let done = attended(|| act(&mut inner.controller));

@@ -5,6 +5,7 @@
 
 use super::farthest::Farthest;
 use super::{Corner, Edge, Face, Facing, Hull};
+use crate::interrupt;
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
 use parry3d_f64::math::Vector as Vec3;
@@ -147,6 +148,7 @@ impl Hull {
     }
 
     fn of_points(points: &[[f64; 3]]) -> Result<Self, HullError> {
+        interrupt::checkpoint(128 * points.len() * points.len());
         let points = distinct(points);
         if points.len() < 4 {
             return Err(HullError::TooFew(points.len()));
@@ -364,8 +366,7 @@ impl<'a> Faces<'a> {
             edges.push(Edge { line, ends: [a, b], faces: [one, other], into });
         }
         let scale = given.iter().fold(size, |most, p| most.max(p.amax()));
-        let points: Vec<_> = corners.iter().map(|corner| corner.point).collect();
-        let farthest = Farthest::of(&points);
+        let farthest = Farthest::of(&corners);
         let hull = Hull { corners, farthest, edges, faces, slack: 1e-9 * scale };
         if hull.is_closed() && given.iter().all(|p| hull.holds(p)) {
             Ok(hull)
@@ -384,8 +385,7 @@ impl Hull {
             turn(point);
             along.iter_mut().for_each(turn);
         }
-        let points: Vec<_> = self.corners.iter().map(|corner| corner.point).collect();
-        self.farthest = Farthest::of(&points);
+        self.farthest = Farthest::of(&self.corners);
         for Edge { line, into, .. } in &mut self.edges {
             turn(&mut line.start);
             turn(&mut line.direction);

@@ -3,7 +3,7 @@
 //! Directions fall into the cells of a cube around the origin. In each of them few corners can be the farthest, and these are known
 //! beforehand: the others are behind one of them along every direction of the cell, as they are along its four edges.
 
-use super::Hull;
+use super::{Corner, Hull};
 use crate::math::Vector;
 use std::sync::Arc;
 
@@ -25,24 +25,26 @@ pub(crate) struct Farthest {
 
 impl Farthest {
     /// Of `corners`, at most as many as a hull may have.
-    pub fn of(corners: &[Vector<3>]) -> Self {
-        let slack =
-            ROUNDING * corners.iter().fold(0.0, |most: f64, corner| most.max(corner.amax()));
+    pub fn of(corners: &[Corner<3>]) -> Self {
+        let points = || corners.iter().map(|corner| &corner.point);
+        let slack = ROUNDING * points().fold(0.0, |most: f64, point| most.max(point.amax()));
         let (mut begins, mut those) = (vec![0], vec![]);
         for cell in 0..6 * CELLS * CELLS {
             let edges = edges_of(cell);
-            let ahead = |corner: &Vector<3>| edges.map(|edge| corner.dot(&edge));
+            let ahead = |point: &Vector<3>| edges.map(|edge| point.dot(&edge));
             let leaders = edges.map(|edge| {
                 let farther = |a, b| if edge.dot(b) > edge.dot(a) { b } else { a };
-                corners.iter().reduce(farther).map(ahead)
+                points().reduce(farther).map(ahead)
             });
-            let is_behind = |corner: &Vector<3>| {
-                let own = ahead(corner);
+            let is_behind = |point: &Vector<3>| {
+                let own = ahead(point);
                 let is_before =
                     |leader: &[f64; 4]| leader.iter().zip(own).all(|(far, own)| *far > own + slack);
                 leaders.iter().flatten().any(is_before)
             };
-            those.extend((0u8..).zip(corners).filter(|(_, c)| !is_behind(c)).map(|(k, _)| k));
+            those.extend(
+                (0u8..).zip(points()).filter(|(_, point)| !is_behind(point)).map(|(k, _)| k),
+            );
             begins.push(u16::try_from(those.len()).expect("6144 at most"));
         }
         Self { begins: begins.into(), corners: those.into() }

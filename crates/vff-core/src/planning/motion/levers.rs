@@ -22,6 +22,8 @@ pub trait Jointed<const D: usize>: Robot<D> {
     fn joint_axis(&self, i: usize) -> Vector<3>;
     /// Whether joint `i` slides.
     fn slides(&self, i: usize) -> bool;
+    /// Where the end effector is \[m\].
+    fn tip(&self) -> Vector<D>;
     /// The axes of the end effector in the world, one per column; in the plane those in space that turn with it.
     fn tip_axes(&self) -> Matrix3<f64>;
     /// The unit vector against gravity; z where there is none, x in the plane, where all that matters is how far it turns.
@@ -35,6 +37,10 @@ pub trait Jointed<const D: usize>: Robot<D> {
 impl Jointed<2> for PlanarState {
     fn joint_position(&self, i: usize) -> Vector<2> {
         Self::joint_position(self, i)
+    }
+
+    fn tip(&self) -> Vector<2> {
+        Manipulator::<2, 2>::pose(self)
     }
 
     fn joint_axis(&self, _: usize) -> Vector<3> {
@@ -66,6 +72,10 @@ impl Jointed<2> for PlanarState {
 impl Jointed<3> for SpatialState {
     fn joint_position(&self, i: usize) -> Vector<3> {
         Self::joint_position(self, i)
+    }
+
+    fn tip(&self) -> Vector<3> {
+        Manipulator::<3, 3>::pose(self)
     }
 
     fn joint_axis(&self, i: usize) -> Vector<3> {

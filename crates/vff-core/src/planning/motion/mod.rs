@@ -11,6 +11,7 @@ mod margins;
 mod plan;
 mod planner;
 mod report;
+mod straight;
 mod tilt;
 mod time_law;
 mod timing;
@@ -87,7 +88,7 @@ pub fn plan(scenario: &Scenario, settings: &PlanSettings) -> Result<Plan, Scenar
     dispatch!(&scenario.scene, task, AnyScene(scene) => plan_for(scenario, scene, settings))
 }
 
-fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
+fn validate(settings: &PlanSettings, n: usize, dimension: usize) -> Result<(), ScenarioError> {
     let PlanSettings { start, goal, upright, .. } = settings;
     for (path, given) in [("start", start), ("goal", goal), ("upright", upright)] {
         if let Some(given) = given {
@@ -101,6 +102,19 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
     if let Some(horizon) = settings.horizon {
         number("horizon", horizon, &NOT_NEGATIVE)?;
         number("horizon", horizon, &FINITE)?;
+    }
+    for (path, given) in [("approach", &settings.approach), ("retreat", &settings.retreat)] {
+        match given {
+            None => {}
+            Some(ScalarOrVec::Uniform(far)) => {
+                number(path, *far, &NOT_NEGATIVE)?;
+                near_enough(path, &[*far])?;
+            }
+            Some(ScalarOrVec::Each(along)) => {
+                numbers_of(path, along.len(), dimension)?;
+                near_enough(path, along)?;
+            }
+        }
     }
     if let Some(tilt) = settings.tilt {
         number("tilt", tilt, &POSITIVE)?;
@@ -141,7 +155,7 @@ where
     S::State: Jointed<D>,
 {
     let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
-    validate(settings, arm.dof())?;
+    validate(settings, arm.dof(), D)?;
     let start = settings.start.clone().unwrap_or_else(|| scenario.q0.clone());
     near_enough("q0", &start)?;
     let mut state = arm.state();
@@ -232,8 +246,10 @@ where
         };
         match goal {
             Goal::Configuration(q) => planner.plan(Aim::At(q)),
-            Goal::Pose(pose) => planner
-                .plan(Aim::Found(&mut |planner, limits| planner.configurations::<M>(pose, limits))),
+            Goal::Pose(pose) => planner.plan(Aim::Found {
+                find: &mut |planner, limits| planner.configurations::<M>(pose, limits),
+                is_turned: M > D,
+            }),
         }
     }
 

@@ -22,6 +22,11 @@ pub struct PlanSettings {
     pub tilt: Option<f64>,
     /// Where it stands upright, if that is not the start \[rad\].
     pub upright: Option<Vec<f64>>,
+    /// How far the end effector comes straight to the goal, without turning \[m\], ≥ 0: along what it has in front of it there, z in space and
+    /// the last link in the plane; or the vector along which it comes. None: that does not matter.
+    pub approach: Option<ScalarOrVec>,
+    /// The same of how it leaves the start: backwards, or along a vector.
+    pub retreat: Option<ScalarOrVec>,
     /// How fast the joints may become faster \[rad/s², m/s²\], > 0. By default 30 in the plane, 10 in space.
     pub acceleration: Option<ScalarOrVec>,
     /// How fast that may change \[rad/s³, m/s³\], > 0; where a motion begins and ends, within the time between two of its instants. None:
@@ -47,6 +52,8 @@ impl Default for PlanSettings {
             horizon: Some(1.0),
             tilt: None,
             upright: None,
+            approach: None,
+            retreat: None,
             acceleration: None,
             jerk: None,
             speed: 0.5,

@@ -1,5 +1,7 @@
 //! The search for one motion.
 
+use super::straight::{Short, Way};
+use super::why::Place;
 use super::*;
 
 /// Where the random numbers of planning come from.
@@ -36,8 +38,8 @@ pub(super) type Configurations<'g, P> =
 pub(super) enum Aim<'g, P> {
     /// At a configuration.
     At(&'g [f64]),
-    /// At one of those that are found.
-    Found(&'g mut Configurations<'g, P>),
+    /// At one of those that are found; whether they have an orientation in common.
+    Found { find: &'g mut Configurations<'g, P>, is_turned: bool },
 }
 
 /// A motion, and what each link is certain to keep at its knots \[m\], and of margins of their own.
@@ -92,17 +94,25 @@ where
         self.keep(asked.min(first.least()), first.apart);
         let has_room = first.clearance > 0.0 && first.apart > 0.0;
         if !has_room || !inside(&start) || !self.space.is_free(&start) {
-            let (why, clearance) = self.blocked(&start, &limits, "start");
+            let (why, clearance) = self.blocked(&start, &limits, Place::Start);
             let blocked = nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
+        let retreat = match self.way(Place::Retreat, &start) {
+            Ok(way) => way,
+            Err(Short { why, .. }) => {
+                return Ok(nothing(PlanStatus::StartBlocked, why, f64::INFINITY, asked));
+            }
+        };
         let candidates = match goal {
             Aim::At(q) if !inside(q) => {
                 let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
                 Err((f64::INFINITY, why.unwrap_or_default()))
             }
             Aim::At(q) => Ok(vec![q.to_vec()]),
-            Aim::Found(find) => find(self, &limits).map_err(|gap| (gap, too_far(gap))),
+            Aim::Found { find, is_turned } => {
+                find(self, &limits).map_err(|gap| (gap, too_far(gap, is_turned)))
+            }
         };
         let candidates = match candidates {
             Ok(candidates) => candidates,
@@ -128,11 +138,27 @@ where
             roomiest.clearance > 0.0 && goal.apart > 0.0 && self.space.is_free(&goal.q)
         });
         if goals.is_empty() {
-            let (why, clearance) = self.blocked(&roomiest.q, &limits, "goal");
+            let (why, clearance) = self.blocked(&roomiest.q, &limits, Place::Goal);
             let blocked = nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
-        let roots: Vec<Vec<f64>> = goals.iter().map(|goal| goal.q.clone()).collect();
+        let mut shortest: Option<Short> = None;
+        let mut approaches: Vec<Way> = vec![];
+        goals.retain(|goal| match self.way(Place::Approach, &goal.q) {
+            Ok(way) => {
+                approaches.push(way);
+                true
+            }
+            Err(short) => {
+                if shortest.as_ref().is_none_or(|least| short.left < least.left) {
+                    shortest = Some(short);
+                }
+                false
+            }
+        });
+        if let (Some(Short { left, why }), true) = (shortest, goals.is_empty()) {
+            return Ok(nothing(PlanStatus::GoalOutOfReach, why, left, asked));
+        }
         let ranges: Vec<[f64; 2]> = (0..start.len())
             .map(|i| match ranges_of(&limits, i) {
                 [lower, upper] if (upper - lower).is_finite() => {
@@ -143,9 +169,10 @@ where
                 }
             })
             .collect();
+        let ends: Vec<Vec<f64>> = goals.iter().map(|goal| goal.q.clone()).collect();
         let ladder = Margins::ladder(asked, self.space.most_share, &first, &goals);
         let last = ladder.len() - 1;
-        let mut left = self.settings.samples;
+        let (mut left, mut all) = (self.settings.samples, 0);
         let mut failed = None;
         for k in 0..=last + AGAIN {
             if k > last && left == 0 {
@@ -153,33 +180,49 @@ where
             }
             let margins = &ladder[k.min(last)];
             self.space.margins.clone_from(margins);
-            self.search_tilts(&roots);
+            self.search_tilts(&ends);
+            let margin = margins.far.iter().copied().fold(f64::INFINITY, f64::min);
+            let open: Vec<&Way> = approaches.iter().filter(|way| self.is_free_along(way)).collect();
+            let blocked = match (self.is_free_along(&retreat), open.is_empty()) {
+                (false, _) => Some((PlanStatus::StartBlocked, Place::Retreat, &retreat)),
+                (true, true) => Some((PlanStatus::GoalBlocked, Place::Approach, &approaches[0])),
+                (true, false) => None,
+            };
+            if let Some((status, place, way)) = blocked {
+                if k >= last {
+                    let (why, clearance) = self.crossed(place, way);
+                    failed =
+                        Some(Plan { clearance, ..nothing(status, why, f64::INFINITY, margin) });
+                    break;
+                }
+                continue;
+            }
+            let begin = retreat.last().expect("it has an end");
+            let roots: Vec<Vec<f64>> = open.iter().map(|way| way[0].clone()).collect();
             let is_trial = k < last;
             let [samples, patience] = if is_trial {
                 [self.settings.samples / TRIAL, PATIENCE]
             } else {
                 [left, usize::MAX]
             };
-            let found = self.search(&roots, &ranges, [samples, patience]);
+            let (found, drawn) = self.search(begin, &roots, &ranges, [samples, patience]);
             let first = found.iter().find(|found| found.gap == 0.0);
-            let drawn: usize = found.iter().map(|found| found.samples).sum();
-            left = left.saturating_sub(if is_trial { samples } else { drawn });
-            let margin = margins.far.iter().copied().fold(f64::INFINITY, f64::min);
+            all += drawn;
+            left = left.saturating_sub(drawn);
             let Some(first) = first else {
                 if k > last {
                     break;
                 }
                 let found = &found[0];
                 let why = format!(
-                    "the search came to {:.3} rad from the goal after {} samples; more samples, another seed{} a smaller margin \
+                    "the search came to {:.3} rad from the goal after {all} samples; more samples, another seed{} a smaller margin \
                      may help",
                     found.gap,
-                    self.settings.samples - left,
                     if self.space.tilt.is_some() { ", a greater tilt or" } else { " or" },
                 );
                 failed = Some(Plan {
                     q: found.path.concat(),
-                    samples: found.samples,
+                    samples: all,
                     nodes: found.nodes,
                     ..nothing(PlanStatus::NotFound, why, found.gap, margin)
                 });
@@ -189,9 +232,11 @@ where
             self.space.tilt.iter_mut().for_each(Tilt::round);
             let (mut status, mut why) = (PlanStatus::NotFound, String::new());
             for found in &found {
-                match self.timed(&found.path, &limits)? {
-                    Ok(motion) => {
-                        let plan = self.finished(motion, found, margins);
+                let approach = open.iter().find(|way| found.path.last() == way.first());
+                let paths = [Some(&retreat), Some(&found.path), approach.copied()];
+                match self.timed_in_turn(paths, &limits)? {
+                    Ok((motion, off)) => {
+                        let plan = self.finished(motion, [all, found.nodes], margins, off);
                         // What keeps next to nothing may touch within the resolution of its certificate.
                         if plan.clearance > 0.0 {
                             return Ok(plan);
@@ -203,7 +248,7 @@ where
             }
             failed = Some(Plan {
                 q: first.path.concat(),
-                samples: first.samples,
+                samples: all,
                 nodes: first.nodes,
                 ..nothing(status, why, 0.0, margin)
             });
@@ -228,20 +273,23 @@ where
         self.space.margins = Margins::constant(vec![margin; self.start.len()], apart);
     }
 
-    /// Several paths to `goals`, shortened, the shortest first; or, if the first search finds none, how far it came.
+    /// Several paths from `start` to `goals`, shortened, the shortest first; or, if the first search finds none, how far it came. And how
+    /// many configurations were drawn.
     fn search(
         &mut self,
+        start: &[f64],
         goals: &[Vec<f64>],
         ranges: &[[f64; 2]],
         [mut samples, patience]: [usize; 2],
-    ) -> Vec<tree::Found> {
-        let Self { space, noise, start, settings, .. } = self;
-        let mut all: Vec<tree::Found> = vec![];
+    ) -> (Vec<tree::Found>, usize) {
+        let Self { space, noise, settings, .. } = self;
+        let (mut all, mut drawn): (Vec<tree::Found>, _) = (vec![], 0);
         for _ in 0..settings.paths {
             let mut found = tree::search(space, start, goals, ranges, [samples, patience], noise);
+            drawn += found.samples;
             if found.gap > 0.0 {
                 if all.is_empty() {
-                    return vec![found];
+                    return (vec![found], drawn);
                 }
                 continue;
             }
@@ -254,17 +302,17 @@ where
             }
         }
         tree::sort_by_length(&mut all);
-        all
+        (all, drawn)
     }
 
     /// What blocks the arm at `q`, which is not free, and its distance \[m\].
-    fn blocked(&mut self, q: &[f64], limits: &Limits, place: &str) -> (String, f64) {
-        if let Some(why) = beyond(q, limits, place, |i| self.space.robot().joint_name(i)) {
+    fn blocked(&mut self, q: &[f64], limits: &Limits, place: Place) -> (String, f64) {
+        if let Some(why) = beyond(q, limits, place.other(), |i| self.space.robot().joint_name(i)) {
             return (why, self.space.clearance(q));
         }
         match self.space.obstruction(q) {
             Some(found) => (found.sentence(place, self.settings.horizon), found.distance()),
-            None => (format!("a distance is undefined at the {place}"), f64::NAN),
+            None => (format!("a distance is undefined {}", place.there()), f64::NAN),
         }
     }
 

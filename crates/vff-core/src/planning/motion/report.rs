@@ -11,8 +11,9 @@ where
     pub(super) fn finished(
         &mut self,
         (spline, [margins, shares]): Certified,
-        found: &tree::Found,
+        [samples, nodes]: [usize; 2],
         asked: &Margins,
+        off_lines: [Option<f64>; 2],
     ) -> Plan {
         let n = self.start.len();
         let mut state = [0; 3].map(|_| vec![0.0; n]);
@@ -33,8 +34,8 @@ where
             shares: if self.space.has_own_margins() { shares.concat() } else { vec![] },
             tilt: self.space.tilt.as_ref().map(|_| 0.0),
             gap: 0.0,
-            samples: found.samples,
-            nodes: found.nodes,
+            samples,
+            nodes,
         };
         for t in spline.times() {
             spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
@@ -70,6 +71,11 @@ where
             let [most, allowed] = [most, tilt.most()].map(f64::to_degrees);
             let _ =
                 write!(plan.message, "; the end effector tilts up to {most:.1}° of {allowed:.1}°");
+        }
+        for (place, off) in ["from the start", "to the goal"].into_iter().zip(off_lines) {
+            if let Some(off) = off {
+                let _ = write!(plan.message, "; straight {place} but for {}", length(off));
+            }
         }
         plan.message += &self.lowered(&spline, asked);
         if let Some((depth, [a, b], t)) = through {

@@ -174,6 +174,11 @@ impl TimeLaw {
                 rows(robot, bounds, &state)
             })
             .collect();
+        // What the arm can only pass by falling it does not pass.
+        let is_held = |rows: &[Row]| rows.iter().all(|row| row.rest.abs() <= row.most);
+        if let Some((rows, _)) = limits.iter().find(|(rows, _)| !is_held(rows)) {
+            return Err(Stop::Heavy(weakest(rows)));
+        }
         // From the end: the largest x from which the rest can be done.
         let mut most = vec![0.0; count + 1];
         for k in (0..count).rev() {
@@ -183,9 +188,6 @@ impl TimeLaw {
                 let [lower, upper] = range(rows, x);
                 lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
             };
-            if !is_possible(0.0) {
-                return Err(Stop::Heavy(weakest(rows)));
-            }
             // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
             let (mut low, mut high) = (0.0, fast.min(1e6));
             if is_possible(high) {

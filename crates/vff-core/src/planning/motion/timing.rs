@@ -1,6 +1,7 @@
 //! How long a motion along a path takes: as fast as the joints may, and what follows it can (T120).
 
 use super::planner::{Certified, Planner, ranges_of};
+use super::why::Heavy;
 use super::*;
 
 /// By how much knots may keep from joint limits so that what is between them does \[rad or m\].
@@ -10,7 +11,7 @@ pub(super) const TORQUE: f64 = 0.8;
 /// Halvings in the search for how much slower.
 const HALVINGS: usize = 40;
 /// Time between two configurations of a plan \[s\], and how often it is halved.
-const STEP: f64 = 0.04;
+pub(super) const STEP: f64 = 0.04;
 const REFINEMENTS: u32 = 3;
 /// Instants per knot at which torques are checked.
 pub(super) const CHECKS: u32 = 4;
@@ -42,6 +43,11 @@ fn over_jerk(peaks: &Peaks, bounds: &Bounds) -> f64 {
     jerks.map(|(jerk, most)| (jerk / most).powf(2.0 / 3.0)).fold(0.0, f64::max)
 }
 
+/// A time for people.
+fn seconds(duration: f64) -> String {
+    if duration < 1e5 { format!("{duration:.0} s") } else { format!("{duration:.0e} s") }
+}
+
 /// Which number makes a motion along `path` take this long \[s\], of these limits of the arm, and of acceleration if one is given.
 fn too_slow(
     path: &[Vec<f64>],
@@ -67,7 +73,8 @@ fn too_slow(
         .filter(|(_, time)| accelerates && *time > 0.5 * LONGEST)
         .max_by(|a, b| a.1.total_cmp(&b.1));
     if let Some((i, time)) = sluggish {
-        let problem = format!("too little for joint {i}, which alone takes {time:.0e} s: {most}");
+        let problem =
+            format!("too little for joint {i}, which alone takes {}: {most}", seconds(time));
         return ScenarioError::new("acceleration", Problem::Other(problem));
     }
     let (at, problem) = match slowest {
@@ -75,13 +82,14 @@ fn too_slow(
             let limit = velocity.get(i).filter(|limit| way / **limit > 0.5 * LONGEST);
             let at = limit.map_or("speed".into(), |_| format!("arm.velocity_limits[{i}]"));
             let problem = format!(
-                "joint {i} has {way:.3} to go at up to {speed:e} a second, which makes it {duration:.0e} s: {most}"
+                "joint {i} has {way:.3} to go at up to {speed:e} a second, which makes it {}: {most}",
+                seconds(duration)
             );
             (at, problem)
         }
         None => {
             let problem = if duration.is_finite() {
-                format!("too little to get anywhere in less than {duration:.0e} s: {most}")
+                format!("too little to get anywhere in less than {}: {most}", seconds(duration))
             } else {
                 format!("too little to get anywhere: {most}")
             };
@@ -130,9 +138,7 @@ where
         let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
             Ok(law) => law,
             Err(Stop::Heavy(heavy)) => {
-                let (robot, joint) = (self.space.robot(), heavy.joint);
-                let why = heavy.sentence(&robot.joint_name(joint), robot.slides(joint), TORQUE);
-                return Ok(Err((PlanStatus::TooHeavy, why)));
+                return Ok(Err(self.too_heavy(heavy)));
             }
             Err(Stop::Winding) => return Ok(Err(too_tight())),
             Err(Stop::Slow(duration)) => {
@@ -169,7 +175,11 @@ where
                 };
                 let peaks = spline.peaks();
                 let jerked = over_jerk(&peaks, &bounds);
-                let over = self.excess(&spline, &peaks, &bounds, knots).max(jerked);
+                let [over, rushed] = match self.excess(&spline, &peaks, &bounds, knots) {
+                    Ok(over) => over,
+                    Err(heavy) => return Ok(Err(self.too_heavy(heavy))),
+                };
+                let over = over.max(rushed).max(jerked);
                 let leaves = |(i, [low, high]): (usize, &[f64; 2])| {
                     let [lower, upper] = ranges_of(limits, i);
                     *low < lower || *high > upper
@@ -178,13 +188,18 @@ where
                     stretch *= over.sqrt().max(1.002);
                     let duration = stretch * law.duration();
                     if duration > LONGEST {
-                        let problem = format!(
-                            "too little to get anywhere in less than {duration:.0e} s: motions are planned that take up to {LONGEST} s"
-                        );
-                        let key = match jerked < over {
-                            true => "controller.command.torque_rate",
-                            false => "jerk",
+                        let key = match (jerked < over, rushed < over) {
+                            (false, _) => "jerk",
+                            (true, false) => "controller.command.torque_rate",
+                            (true, true) => {
+                                let given = self.settings.acceleration.is_some();
+                                let of = (&limits.velocity[..], given);
+                                return Err(too_slow(path, duration, of, &bounds));
+                            }
                         };
+                        let problem = format!(
+                            "too little to get anywhere in less than {duration:.0} s: motions are planned that take up to {LONGEST} s"
+                        );
                         return Err(ScenarioError::new(key, Problem::Other(problem)));
                     }
                 } else if peaks.positions.iter().enumerate().any(leaves) {
@@ -206,9 +221,25 @@ where
         Ok(Err(too_tight()))
     }
 
-    /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed: torques and the tip's speeds at
-    /// samples, the others anywhere. Or the square of how much longer it has to take to keep a limit of how fast torques change.
-    fn excess(&mut self, spline: &JointSpline, peaks: &Peaks, bounds: &Bounds, knots: u32) -> f64 {
+    /// What is said of a path on which a joint cannot hold the arm.
+    fn too_heavy(&mut self, heavy: Heavy) -> (PlanStatus, String) {
+        let (robot, joint) = (self.space.robot(), heavy.joint);
+        let why = heavy.sentence(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+        (PlanStatus::TooHeavy, why)
+    }
+
+    /// The square of how much longer a motion has to take to keep the limits of speed, acceleration and torque, torques and the tip's speeds at
+    /// samples, the others anywhere; and that to keep the limits of how fast torques change.
+    ///
+    /// # Errors
+    /// If a joint cannot hold the arm on it.
+    fn excess(
+        &mut self,
+        spline: &JointSpline,
+        peaks: &Peaks,
+        bounds: &Bounds,
+        knots: u32,
+    ) -> Result<[f64; 2], Heavy> {
         let n = self.start.len();
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         let (mut scratch, mut torque) = (vec![0.0; n], vec![0.0; n]);
@@ -218,7 +249,7 @@ where
         let has_tip = bounds.tip.iter().any(|limit| limit.is_finite());
         let is_checked = has_tip || !bounds.torque.is_empty() || !bounds.rate.is_empty();
         if !is_checked {
-            return most;
+            return Ok([most, 1.0]);
         }
         let checks = CHECKS * knots;
         let adds_gravity = self.command.gravity == Gravity::Controller;
@@ -233,8 +264,17 @@ where
             let robot = self.space.robot();
             robot.update(q, dq);
             robot.inverse_dynamics(ddq, &mut scratch, &mut torque);
-            for (tau, limit) in torque.iter().zip(&bounds.torque) {
-                most = most.max(tau.abs() / limit);
+            robot.gravity_torque(&mut gravity);
+            // In s times the time what moves takes 1/s² of the torque, and what is held all of it.
+            for (joint, limit) in bounds.torque.iter().enumerate() {
+                let (tau, side) = (torque[joint], torque[joint].signum());
+                let left = limit - side * gravity[joint];
+                if tau.abs() > *limit {
+                    if left <= 0.0 {
+                        return Err(Heavy { joint, torque: [gravity[joint].abs(), *limit] });
+                    }
+                    most = most.max(side * (tau - gravity[joint]) / left);
+                }
             }
             if has_tip {
                 let goes = [robot.task_velocity::<D>().norm(), robot.turning()[0].norm()];
@@ -246,7 +286,6 @@ where
                 }
             }
             if !bounds.rate.is_empty() {
-                robot.gravity_torque(&mut gravity);
                 for (i, limit) in bounds.rate.iter().enumerate() {
                     let now = [torque[i] - gravity[i], if adds_gravity { gravity[i] } else { 0.0 }];
                     let step = f64::from(checks) / end;
@@ -258,7 +297,7 @@ where
                 }
             }
         }
-        most.max(longer * longer)
+        Ok([most, longer * longer])
     }
 }
 

@@ -182,12 +182,14 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
     let mut drawn = vec![0.0; start.len()];
     // How many were drawn from the whole range, and how many of these made a tree grow.
     let (mut wide, mut grown) = (0, 0);
+    let mut tried = 0;
     for k in 0..samples {
         let [of_start, of_goals] = trees.each_ref().map(|tree| tree.nodes.len());
         let is_trapped = of_start == 1 || of_goals == goals.len();
         if of_start + of_goals > MAX_NODES || (k >= patience && is_trapped) {
             break;
         }
+        tried = k + 1;
         for (q, [lower, upper]) in drawn.iter_mut().zip(ranges) {
             *q = lower + (upper - lower) * noise.share();
         }
@@ -213,7 +215,7 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
             let mut path = trees[0].branch(a);
             path.extend(trees[1].branch(b).into_iter().rev().skip(1));
             let nodes = trees[0].nodes.len() + trees[1].nodes.len();
-            return Found { path, gap: 0.0, samples: k + 1, nodes };
+            return Found { path, gap: 0.0, samples: tried, nodes };
         }
         let gap = distance(&trees[0].nodes[a], &trees[1].nodes[b]);
         if gap < nearest.1 {
@@ -221,7 +223,7 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         }
     }
     let nodes = trees[0].nodes.len() + trees[1].nodes.len();
-    Found { path: trees[0].branch(nearest.0), gap: nearest.1, samples, nodes }
+    Found { path: trees[0].branch(nearest.0), gap: nearest.1, samples: tried, nodes }
 }
 
 /// Shortens `path` by `tries` random straight ways from one point of it to another.

@@ -12,6 +12,38 @@ pub enum Obstruction {
     Own { links: [String; 2], distance: f64, hulls: bool },
 }
 
+/// Where on a motion something is in the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    Start,
+    Goal,
+    /// On the straight way from the start.
+    Retreat,
+    /// On the straight way to the goal.
+    Approach,
+}
+
+impl Place {
+    /// There, in a sentence.
+    pub fn there(self) -> &'static str {
+        match self {
+            Self::Start => "at the start",
+            Self::Goal => "at the goal",
+            Self::Retreat => "on the straight way from the start",
+            Self::Approach => "on the straight way to the goal",
+        }
+    }
+
+    /// Another one of what helps.
+    pub fn other(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Goal => "goal",
+            Self::Retreat | Self::Approach => "direction",
+        }
+    }
+}
+
 /// A length for people.
 fn mm(length: f64) -> String {
     format!("{:.2} mm", 1e3 * length)
@@ -22,12 +54,12 @@ pub fn length(length: f64) -> String {
     if length < 1e-3 { format!("{:.2} µm", 1e6 * length) } else { format!("{length:.3} m") }
 }
 
-/// Why a pose is not reached that the arm stays away from by `gap` \[m\].
-pub fn too_far(gap: f64) -> String {
+/// Why a goal is not reached that the arm stays away from by `gap` \[m\]; whether it has an orientation.
+pub fn too_far(gap: f64, is_turned: bool) -> String {
     format!(
-        "no configuration within the joint limits was found nearer to the goal than {}; a goal nearer to the arm, \
-         or without an orientation, helps",
+        "no configuration within the joint limits was found nearer to the goal than {}; a goal within the arm's reach{} helps",
         length(gap),
+        if is_turned { ", or without an orientation," } else { "" },
     )
 }
 
@@ -47,22 +79,23 @@ impl Obstruction {
         *distance
     }
 
-    /// The sentence; `place` is `start` or `goal`.
-    pub fn sentence(&self, place: &str, horizon: Option<f64>) -> String {
+    /// The sentence.
+    pub fn sentence(&self, place: Place, horizon: Option<f64>) -> String {
+        let (there, other) = (place.there(), place.other());
         match self {
             Self::Obstacle { link, obstacle, distance, passes: false } => format!(
-                "at the {place} {link} is {} inside obstacle {obstacle}; another {place} helps, or `ignore` of the obstacle \
+                "{there} {link} is {} inside obstacle {obstacle}; another {other} helps, or `ignore` of the obstacle \
                  where the link may touch it",
                 mm(-distance),
             ),
             Self::Obstacle { link, obstacle, distance, .. } => format!(
-                "obstacle {obstacle} passes within the horizon of {} s where {link} is at the {place}, up to {} into it; \
-                 a shorter horizon or another {place} helps, a horizon of 0 takes what moves for standing still",
+                "obstacle {obstacle} passes within the horizon of {} s where {link} is {there}, up to {} into it; \
+                 a shorter horizon or another {other} helps, a horizon of 0 takes what moves for standing still",
                 horizon.unwrap_or(0.0),
                 mm(-distance),
             ),
             Self::Own { links: [a, b], distance, hulls } => format!(
-                "at the {place} {a} is {} inside {b}; another {place} helps, or shapes nearer to the links \
+                "{there} {a} is {} inside {b}; another {other} helps, or shapes nearer to the links \
                  ({}), or to `ignore` the pair where these always overlap",
                 mm((-distance).max(0.0)),
                 if *hulls {
@@ -126,7 +159,7 @@ mod tests {
     fn shapes_that_help_are_others() {
         let sentence = |hulls| {
             let links = ["a", "b"].map(String::from);
-            Obstruction::Own { links, distance: -2e-3, hulls }.sentence("goal", None)
+            Obstruction::Own { links, distance: -2e-3, hulls }.sentence(Place::Goal, None)
         };
         let [capsules, hulls] = [false, true].map(sentence);
         assert!(capsules.starts_with("at the goal a is 2.00 mm inside b; another goal helps, or"));

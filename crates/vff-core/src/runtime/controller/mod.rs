@@ -47,7 +47,11 @@ pub struct Reading<'a> {
 
 /// What is around an arm, ready to be asked: the obstacles of one controller, for another one with the same arm.
 #[derive(Debug)]
-pub struct Surroundings(Box<dyn Any + Send>);
+pub struct Surroundings {
+    world: Box<dyn Any + Send>,
+    /// When its motions begin, by the clock of the loop \[s\].
+    epoch: f64,
+}
 
 /// A controller of any arm with any task in a loop that is not ours.
 ///
@@ -432,19 +436,20 @@ pub trait ErasedController: Debug + Send {
     /// If a slice has the wrong length.
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation>;
 
-    /// What the torque of the law would do to the joints of the model at the observed state \[rad/s², m/s²\], (n): for this target, or
-    /// for the reference of the scenario, or to stay where it is. `command.tip_speed` holds. `is_cycle` says
-    /// that this is one of a loop, by which that reference goes on.
+    /// A cycle of set points: what the torque of the law at the state \[q, q̇\] of time `t` \[s\] would do to the joints of the model
+    /// \[rad/s², m/s²\], (n), for this target, or for the reference of the scenario, which goes on by that, or to stay where it is.
+    /// `command.tip_speed` holds.
     ///
     /// # Errors
     /// If the target is no reference.
     ///
     /// # Panics
     /// If a slice has the wrong length.
-    fn accelerate(
+    fn set_point(
         &mut self,
+        state: [&[f64]; 2],
+        t: f64,
         target: Option<&Target<'_>>,
-        is_cycle: bool,
         out: &mut [f64],
     ) -> Result<(), NotARotation>;
 

@@ -122,6 +122,17 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         fading.map(|fading| &mut fading.controller)
     }
 
+    /// The law hears what became of its last torque, `elapsed` \[s\] ago, where nobody watches over that.
+    fn hear_wanted(&mut self, elapsed: f64) {
+        let Self { controller, fading, output, .. } = self;
+        let mut output = output.as_deref_mut().filter(|_| !self.sets_points);
+        if let Some(fading) = fading.as_mut().filter(|fading| fading.is_left()) {
+            let total = &controller.torque().total;
+            fading.controller.hear_wanted(output.as_deref_mut(), Some(total), elapsed);
+        }
+        controller.hear_wanted(output, None, elapsed);
+    }
+
     /// Its torque as the robot wants it.
     fn converted(&mut self) -> &[f64] {
         let Self { controller, output, .. } = self;
@@ -169,10 +180,10 @@ where
         }
     }
 
-    /// The same asked by somebody, which is no cycle of a loop that is watched over.
+    /// The same asked by somebody, which is no cycle of a loop that is watched over or sets points.
     fn ask_for(&mut self, target: Option<&Target<'_>>) {
         self.step_aside();
-        self.act_for(target, self.supervisor.is_none());
+        self.act_for(target, self.supervisor.is_none() && !self.sets_points);
     }
 }
 
@@ -208,27 +219,23 @@ where
     }
 
     fn surroundings(&self) -> Surroundings {
-        Surroundings(Box::new(self.world.clone()))
+        Surroundings { world: Box::new(self.world.clone()), epoch: self.epoch }
     }
 
     fn surroundings_of(&self, obstacles: AnyObstacles) -> Result<Surroundings, ScenarioError> {
         let obstacles = obstacles.into_vec().expect("obstacles of the arm's space");
-        Ok(Surroundings(Box::new(self.world_of(obstacles)?)))
+        Ok(Surroundings { world: Box::new(self.world_of(obstacles)?), epoch: self.loop_time(0.0) })
     }
 
     fn lend(&mut self, other: &mut Surroundings) {
-        swap(&mut self.world, other.0.downcast_mut().expect("obstacles of the arm's space"));
+        let world = other.world.downcast_mut().expect("obstacles of the arm's space");
+        swap(&mut self.world, world);
+        swap(&mut self.epoch, &mut other.epoch);
         self.reserve();
     }
 
     fn exchange(&mut self, other: &mut Surroundings, epoch: f64) {
-        let now = self.world.time() + self.epoch;
-        swap(&mut self.world, other.0.downcast_mut().expect("obstacles of the arm's space"));
-        self.epoch = self.loop_time(epoch);
-        self.world.update((now - self.epoch).max(0.0)); // what points have no time of is of now
-        self.reached = None;
-        self.placed.clear();
-        self.reserve();
+        self.be_among(other.world.downcast_mut().expect("obstacles of the arm's space"), epoch);
     }
 
     fn orientation_of_points(&mut self, j: usize) -> Result<[f64; 4], PointsError> {
@@ -237,7 +244,10 @@ where
 
     fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
         let n = self.dof();
-        let since = points.since().map(|t| self.world_time(t));
+        // Without a time of its own it is of the last state, whatever was asked since.
+        let in_loop = self.supervisor.is_some() || self.sets_points;
+        let last = self.reached.filter(|_| in_loop);
+        let since = points.since().map_or(last, |t| Some(self.world_time(t)));
         let world = points::in_space(&mut self.world)?;
         points::check(world, j, points, &self.settings, n)?;
         points.set_since(since);
@@ -378,23 +388,9 @@ where
 
     fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
         self.step_aside();
-        let t = self.loop_time(t);
-        if self.sets_points && self.last.is_none() {
-            self.begin_at(t);
-        }
-        let elapsed = self.observe_at(q, dq, t);
-        if self.sets_points {
-            self.reached = Some(t - self.epoch);
-        }
-        // A loop of the caller's own, or of set points, where none is watched.
+        let elapsed = self.observe_at(q, dq, self.loop_time(t));
         if self.aside.is_none() {
-            let Self { controller, fading, output, .. } = self;
-            let mut output = output.as_deref_mut().filter(|_| !self.sets_points);
-            if let Some(fading) = fading.as_mut().filter(|fading| fading.is_left()) {
-                let total = &controller.torque().total;
-                fading.controller.hear_wanted(output.as_deref_mut(), Some(total), elapsed);
-            }
-            controller.hear_wanted(output, None, elapsed);
+            self.hear_wanted(elapsed); // a loop of the caller's own
         }
     }
 
@@ -423,17 +419,22 @@ where
         Ok(self.converted())
     }
 
-    fn accelerate(
+    fn set_point(
         &mut self,
+        [q, dq]: [&[f64]; 2],
+        t: f64,
         target: Option<&Target<'_>>,
-        is_cycle: bool,
         out: &mut [f64],
     ) -> Result<(), NotARotation> {
         target.map_or(Ok(()), S::State::check)?;
-        match is_cycle {
-            true => self.act_for(target, true),
-            false => self.ask_for(target),
+        self.come_back();
+        if self.last.is_none() {
+            self.begin_at(t);
         }
+        let elapsed = self.observe_at(q, dq, t);
+        self.reached = Some(t - self.epoch);
+        self.hear_wanted(elapsed);
+        self.act_for(target, true);
         let Self { controller, scratch, .. } = self;
         controller.robot().accelerate(&controller.torque().total, controller.bias(), scratch, out);
         Ok(())
@@ -471,6 +472,10 @@ where
         }
         self.stand_at(q);
         self.forget();
+        if self.sets_points {
+            self.aside = Some(Aside::like(&self.controller));
+            self.reserve();
+        }
         self.followed.iter_mut().for_each(|followed| followed.restart(true));
         Ok(())
     }

@@ -32,7 +32,7 @@ impl Seen {
 
     /// Which was last seen longer than `patience` \[s\] before `t`, and when.
     pub(super) fn missing(&self, t: f64, patience: f64) -> Option<(usize, f64)> {
-        let seen = self.last.iter().copied().enumerate().filter(|(_, last)| last.is_finite());
-        seen.into_iter().find(|(_, last)| t - last > patience)
+        let mut seen = self.last.iter().copied().enumerate().filter(|(_, last)| last.is_finite());
+        seen.find(|(_, last)| t - last > patience)
     }
 }

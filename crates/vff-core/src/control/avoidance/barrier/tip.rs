@@ -110,17 +110,18 @@ impl Barrier {
             }
             _ => *rate * left,
         };
-        let excess = |x: &[f64]| dot(normal, &self.nominal) + dot(normal, x) + drift - upper;
+        let excess = dot(normal, &self.nominal) + drift - upper;
         if is_found {
+            let found = excess + dot(normal, self.program.x());
             let most = SLIGHTLY * self.rate * most;
-            if excess(self.program.x()) <= (1.0 + SLIGHTLY) * self.beyond(pace.turns) + most {
+            if found <= (1.0 + SLIGHTLY) * self.beyond(pace.turns) + most {
                 self.normals.truncate(start);
                 return false;
             }
             self.softness.push(self.softness[self.shares.len()]); // like a joint's
         }
         self.planes.push(Plane { row: self.bounds.len(), turns: pace.turns });
-        self.bounds.push(dot(&self.normals[start..], &self.nominal) + drift - upper);
+        self.bounds.push(excess);
         self.normals[start..].iter_mut().for_each(|x| *x = -*x);
         true
     }

@@ -12,9 +12,10 @@ use std::mem::swap;
 pub(super) struct Aside<S: System<D, M>, const D: usize, const M: usize> {
     pub(super) controller: Controller<S::State, D, M>,
     pub(super) fading: Option<Box<Fading<S, D, M>>>,
-    /// When that of the loop was called last \[s\], and whether that came to no good.
-    last: Option<f64>,
+    /// Whether its last call came to no good.
     spoilt: bool,
+    /// When that of the loop was called last \[s\].
+    last: Option<f64>,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Aside<S, D, M> {
@@ -34,27 +35,41 @@ impl<S: System<D, M>, const D: usize, const M: usize> Aside<S, D, M> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
-    /// Something else than the next cycle is asked of a loop that is watched over: of a controller that knows what that of the loop
+    /// Something else than the next cycle is asked of a loop that is watched over or sets points: of a controller that knows what that of the loop
     /// knows by its observer. A law that is being left has no part in it.
     pub(super) fn step_aside(&mut self) {
         let has_cycled = self.supervisor.as_ref().is_some_and(|supervisor| supervisor.has_sent());
-        let Some(aside) = self.aside.as_mut().filter(|_| has_cycled && !self.is_aside) else {
+        if self.is_aside || !(has_cycled || self.sets_points) || self.aside.is_none() {
             return;
-        };
-        swap(&mut self.controller, &mut aside.controller);
-        swap(&mut self.fading, &mut aside.fading);
-        (aside.last, aside.spoilt) = (self.last, self.spoilt);
-        let of = &aside.controller;
+        }
+        let last = self.last;
+        self.change_sides();
         if self.spoilt {
+            self.reset(); // that question was broken off
+        }
+        let Some(aside) = &mut self.aside else { return };
+        aside.last = last;
+        let of = &aside.controller;
+        if aside.spoilt {
             self.controller.reset();
-            self.spoilt = false;
         } else {
+            self.spoilt = true; // until this has come to its end
             let (q, dq) = (of.robot().configuration(), of.robot().velocity());
             self.controller.observe(q, dq, &mut self.world);
             self.controller.take_over(of);
             self.controller.keep_posture_of(of, false);
+            self.spoilt = false;
         }
-        self.is_aside = true;
+    }
+
+    /// Exchanges both controllers.
+    fn change_sides(&mut self) {
+        if let Some(aside) = &mut self.aside {
+            swap(&mut self.controller, &mut aside.controller);
+            swap(&mut self.fading, &mut aside.fading);
+            swap(&mut self.spoilt, &mut aside.spoilt);
+            self.is_aside = !self.is_aside;
+        }
     }
 
     /// At which period damping is stable with the arm at rest at `q` \[rad, m\]: asked of a copy, for the law goes on from its last state.
@@ -70,11 +85,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// Goes on from what the last cycle has left behind.
     pub(super) fn come_back(&mut self) {
-        if let Some(aside) = self.aside.as_mut().filter(|_| self.is_aside) {
-            swap(&mut self.controller, &mut aside.controller);
-            swap(&mut self.fading, &mut aside.fading);
-            (self.last, self.spoilt) = (aside.last, aside.spoilt);
-            self.is_aside = false;
+        if self.is_aside {
+            self.change_sides();
+            self.last = self.aside.as_ref().and_then(|aside| aside.last);
         }
     }
 }

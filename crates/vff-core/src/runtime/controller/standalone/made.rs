@@ -10,6 +10,7 @@ use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
 use crate::world::{CollisionQuery, ObstacleGeometry, World};
 use std::fmt;
+use std::mem::swap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -150,11 +151,21 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         &mut self,
         obstacles: Vec<<S::Geometry as ObstacleGeometry<D>>::Obstacle>,
     ) -> Result<(), ScenarioError> {
-        self.world = self.world_of(obstacles)?;
+        let mut world = self.world_of(obstacles)?;
+        self.be_among(&mut world, 0.0);
+        Ok(())
+    }
+
+    /// Exchanges what is around for what begins to move when the clock of the states says `epoch` \[s\].
+    #[inline(never)]
+    pub(super) fn be_among(&mut self, world: &mut World<S::Geometry, D>, epoch: f64) {
+        let now = self.world.time() + self.epoch;
+        swap(&mut self.world, world);
+        self.epoch = self.loop_time(epoch);
+        self.world.update((now - self.epoch).max(0.0)); // what points have no time of is of now
         self.reached = None;
         self.placed.clear();
         self.reserve();
-        Ok(())
     }
 
     /// What is around with these obstacles.

@@ -44,7 +44,11 @@ where
         self.come_back();
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
         let is_first = supervisor.now().is_none();
+        let ahead = supervisor.clock_ahead();
         let news = reading.and_then(|Reading { t, q, dq }| supervisor.admit(t, q, dq));
+        if self.reached.is_none() {
+            self.epoch -= supervisor.clock_ahead() - ahead; // what came with a state has the clock of that state
+        }
         if let Some(t) = news {
             let [q, dq] = supervisor.state();
             if is_first {
