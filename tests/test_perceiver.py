@@ -120,6 +120,21 @@ def test_one_wrong_time_ends_nothing() -> None:
         made.observe(0.3, AWAY, STILL)
 
 
+def test_a_late_picture_takes_nothing_back() -> None:
+    """What one camera has seen since is there, though another's was taken before and looks through it."""
+    perceiver = vff.Perceiver(ARM, [CAMERA, CAMERA], {"stride": 1}, known=[TABLE])
+    ball = np.array([0.5, 0.3, 0.6])
+    for t in np.arange(0.0, 1.2, 0.01):
+        perceiver.observe(t, AWAY, STILL)
+    perceiver.see(picture([(ball, 0.08)]), 1.0, 0)
+    seen = perceiver.points
+    assert len(seen) > 10
+    perceiver.see(picture([]), 0.95, 1)
+    np.testing.assert_array_equal(perceiver.points, seen)
+    perceiver.see(picture([]), 1.05, 1)
+    assert len(perceiver.points) == 0
+
+
 def test_a_cloud_in_the_frame_of_the_camera() -> None:
     depth = picture([([0.5, 0.1, 0.3], 0.08)])
     columns, rows = np.meshgrid(np.arange(320), np.arange(240))

@@ -69,7 +69,8 @@ impl From<Course> for vff_course {
 /// runs on the model, whose state is the set point. The past is forgotten, and the reference of a scenario begins `command.blend_time`
 /// after the first set point, at whatever time that is. A robot that is far beyond its stops, or not where that reference begins, is
 /// refused (`VFF_STATUS_REFERENCE`). A loop of torques that was watched over is over then, and torques that are asked for are those
-/// from which set points are made, until `vff_controller_begin`, or `vff_controller_reset` after they have finished. Allocates.
+/// from which set points are made, and change none, until `vff_controller_begin`, or `vff_controller_reset` after they have finished.
+/// Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_begin_set_points(
     controller: *mut Controller,

@@ -499,6 +499,8 @@ def drive(
     """
     command = _kind(robot)
     law = controller if isinstance(controller, _core.Controller) else _scenario(robot, controller)
+    if limits is not None and not isinstance(limits, Mapping):
+        raise InputTypeError(f"limits: expected a mapping, not a {type(limits).__name__}")
     options = {
         "rate": number("rate", rate),
         "seconds": None if seconds is None else positive("seconds", seconds),

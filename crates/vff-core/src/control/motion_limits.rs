@@ -34,18 +34,28 @@ impl MotionLimits {
         (jerk / (rate * ddq.abs())).sqrt().min(1.0)
     }
 
-    /// The share of what a law wants, `ddq` \[rad/s², m/s²\] at the speeds `dq` \[rad/s, m/s\], that all joints can do at the same time, so that
-    /// the way is the one it wants, and with what they are damped for what is missing of their acceleration \[1/s\]: a law that reacts with
-    /// `rate` \[1/s\] and does not know these limits would swing ever farther.
-    pub fn share(&self, ddq: &[f64], dq: &[f64], rate: f64) -> [f64; 2] {
-        let ([mut strong, mut soon], mut brake) = ([1.0_f64; 2], f64::INFINITY);
-        let limits = self.acceleration.iter().zip(&self.jerk);
-        for ((acceleration, jerk), (ddq, dq)) in limits.zip(ddq.iter().zip(dq)) {
-            strong = strong.min(acceleration / ddq.abs());
+    /// The share of what a law wants, `ddq` \[rad/s², m/s²\] at the speeds `dq` \[rad/s, m/s\], for which all joints have the acceleration at
+    /// the same time, so that the way is the one it wants, and with what they are damped for what is missing \[1/s\]: a law that does not
+    /// know these limits would swing ever farther.
+    pub fn share(&self, ddq: &[f64], dq: &[f64]) -> [f64; 2] {
+        let (mut share, mut brake) = (1.0_f64, f64::INFINITY);
+        for (acceleration, (ddq, dq)) in self.acceleration.iter().zip(ddq.iter().zip(dq)) {
+            share = share.min(acceleration / ddq.abs());
             brake = brake.min(BRAKED * acceleration / dq.abs());
-            soon = soon.min(Self::behind_jerk(*ddq, rate, *jerk));
         }
-        [strong.min(soon), brake.min((1.0 - strong) * Self::RATE)]
+        [share, brake.min((1.0 - share) * Self::RATE)]
+    }
+
+    /// Makes of what a law that reacts with `rate` \[1/s\] wants what the joints can do: that [share](Self::share), and of what is beyond
+    /// `planned` as much as a limit of jerk can take back in time. A plan keeps that limit by itself.
+    pub fn fit(&self, ddq: &mut [f64], planned: Option<&[f64]>, dq: &[f64], rate: f64) {
+        let along = |i: usize| planned.map_or(0.0, |planned| planned[i]);
+        let [strong, brake] = self.share(ddq, dq);
+        let soon = |(i, ddq): (usize, &f64)| Self::behind_jerk(ddq - along(i), rate, self.jerk[i]);
+        let share = ddq.iter().enumerate().map(soon).fold(strong, f64::min);
+        for (i, ddq) in ddq.iter_mut().enumerate() {
+            *ddq = strong * along(i) + share * (*ddq - along(i)) - brake * dq[i];
+        }
     }
 
     /// The largest k \[1/s\] of barriers that such joints can keep from whatever speed they have (T201).

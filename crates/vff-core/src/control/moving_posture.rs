@@ -119,15 +119,17 @@ impl MovingPosture {
         }
     }
 
-    /// Finds the torque for `robot` where it is observed.
+    /// Finds the torque for `robot` where it is observed, of which all joints are damped by `brake` \[1/s\] beside the gains (T37): that is
+    /// damping relative to the plan as well.
     pub fn update_torque<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         robot: &R,
         gains: &Gains<M>,
+        brake: f64,
     ) {
         let Self { state: [_, dq, ddq], torque, momentum, scratch, .. } = self;
         robot.mass_mul(dq, torque);
-        gains.null_damping.scale_momentum(robot, 0.0, dq, torque, scratch);
+        gains.null_damping.scale_momentum(robot, brake, dq, torque, scratch);
         robot.mass_mul(ddq, momentum);
         torque.iter_mut().zip(momentum.iter()).for_each(|(tau, force)| *tau += force);
     }

@@ -255,7 +255,7 @@ impl VoxelMap {
                 voxel.hits = 0;
                 if has_moved_on {
                     voxel.odds = 0.0;
-                } else if voxel.odds > 0.0 && is_seen_through(&expected) {
+                } else if voxel.odds > 0.0 && voxel.last <= t && is_seen_through(&expected) {
                     voxel.odds += MISS;
                 }
             }

@@ -343,11 +343,11 @@ impl VirtualArm {
         }
         let rate = MotionLimits::RATE;
         let reacts = controller.settings().fastest_rate();
-        let [share, brake] = self.able.share(&self.wanted, &self.out[1], reacts);
+        self.able.fit(&mut self.wanted, controller.planned_acceleration(), &self.out[1], reacts);
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let JointMotion { q: at, dq: moves, .. } = joint.motion();
             let wanted = match (self.course, measured) {
-                (Course::Following, _) => share * self.wanted[i] - brake * moves,
+                (Course::Following, _) => self.wanted[i],
                 (Course::Rejoining, measured) => {
                     let goes = measured.map_or(0.0, |[_, dq]| dq[i]); // it stays, as far as is known
                     let ddq = -rate * rate * (at - self.heard_at[i]) - 2.0 * rate * (moves - goes);

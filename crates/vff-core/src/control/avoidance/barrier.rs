@@ -170,8 +170,6 @@ pub(crate) struct Barrier {
     rate: f64,
     /// What moves the joints, where that is no torque.
     moved: Option<MotionLimits>,
-    /// How fast the law reacts \[1/s\].
-    reacts: f64,
     slack_weight: f64,
     /// What is kept of distances.
     pub(super) margins: Margins,
@@ -224,7 +222,6 @@ impl Barrier {
             turning_weight: 0.0,
             rate: rate(settings),
             moved: None,
-            reacts: gains.fastest_rate(),
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
             left_out: LeftOut::default(),
@@ -385,10 +382,10 @@ impl Barrier {
         robot: &R,
         torque: &mut Torque,
     ) {
-        let Self { moved: Some(moved), nominal, reacts, scratch, gradient, .. } = self else {
+        let Self { moved: Some(moved), nominal, scratch, gradient, .. } = self else {
             return;
         };
-        let [_, brake] = moved.share(nominal, robot.velocity(), *reacts);
+        let [_, brake] = moved.share(nominal, robot.velocity());
         if brake > 0.0 {
             for ((ddq, dq), less) in nominal.iter_mut().zip(robot.velocity()).zip(&mut *scratch) {
                 *less = -brake * dq;

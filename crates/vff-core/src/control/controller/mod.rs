@@ -145,6 +145,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.planned()
     }
 
+    /// [`ReactiveController::planned_acceleration`].
+    pub fn planned_acceleration(&self) -> Option<&[f64]> {
+        self.reactive.planned_acceleration()
+    }
+
     /// [`ReactiveController::move_posture`]; the look-ahead takes the posture for one at rest.
     pub fn move_posture(&mut self, joints: &JointSpline, pace: &Pace) {
         self.reactive.move_posture(joints, pace);

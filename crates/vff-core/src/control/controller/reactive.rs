@@ -205,6 +205,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         moving.map(|moving| moving.planned.as_slice())
     }
 
+    /// How the plan accelerates the joints \[rad/s², m/s²\], if the posture is on one.
+    pub fn planned_acceleration(&self) -> Option<&[f64]> {
+        let moving = self.moving.as_ref().filter(|moving| moving.is_along());
+        moving.map(|moving| moving.state[2].as_slice())
+    }
+
     /// Lets the posture be that of another controller, at rest.
     pub(in crate::control) fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
         self.gains.posture.clone_from(&gains.posture);
@@ -403,7 +409,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).
     fn gather_secondary(&mut self) {
-        let Self { robot, space, gains, repulsion, tau_sec, .. } = self;
+        let Self { robot, space, gains, law, repulsion, tau_sec, .. } = self;
         repulsion.copy_from_slice(self.forces.torque());
         if let Some(field) = &gains.joint_limit_field {
             self.joint_limit_potential = limits::add_joint_limit_torque(
@@ -423,7 +429,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
         gains.add_posture_torque(robot.configuration(), tau_sec);
         if let Some(moving) = self.moving.as_mut().filter(|moving| moving.has_moved()) {
-            moving.update_torque(robot, gains);
+            moving.update_torque(robot, gains, law.brake);
             tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
         }
         if let Some(reaction) = &self.reaction {

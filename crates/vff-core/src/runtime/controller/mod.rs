@@ -488,6 +488,9 @@ pub trait ErasedController: Debug + Send {
     /// Where the plan that this reference is has the joints \[rad, m\], (n); None as long as it is none.
     fn planned(&self) -> Option<&[f64]>;
 
+    /// How that accelerates them \[rad/s², m/s²\], (n).
+    fn planned_acceleration(&self) -> Option<&[f64]>;
+
     /// The plan that this reference is, if it is one.
     fn plan(&self) -> Option<&JointSpline>;
     /// Whether it may become one, too.

@@ -489,6 +489,10 @@ where
         self.followed.as_ref()?.joints().and(self.controller.planned())
     }
 
+    fn planned_acceleration(&self) -> Option<&[f64]> {
+        self.followed.as_ref()?.joints().and(self.controller.planned_acceleration())
+    }
+
     fn has_plans(&self) -> bool {
         self.followed.as_ref().is_some_and(|followed| followed.has_plans())
     }

@@ -1,0 +1,176 @@
+"""What a plan may use of the limits, what it says where that is too little, and who follows it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import InputTypeError, ScenarioError
+from waiting import HANG
+
+SHARE = 0.8  # of the limits, for what is planned
+PANDA = vff.Arm.named("panda")
+
+
+def swing(start: float, limit: float) -> dict[str, Any]:
+    """One heavy link under gravity, with a light one."""
+    return {
+        "duration": 1.0,
+        "q0": [start, 0.0],
+        "arm": {"lengths": [1.0, 0.2], "masses": 1.0, "gravity": 9.81, "torque_limits": [limit, 50.0]},
+        "reference": {"kind": "setpoint", "point": [1.0, 0.0]},
+    }
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_what_can_be_held_is_found_and_what_cannot_is_too_heavy(seed: int) -> None:
+    """Around 80 % of the limit, where nothing stands in the way; and what is found keeps it."""
+    draw = np.random.default_rng(seed).uniform
+    start, goal = draw(-3.0, 3.0, 2)
+    arm = vff.Scenario.from_dict(swing(start, 1.0)).arm
+    held = max(abs(arm.gravity_torque([q, 0.0])[0]) for q in np.linspace(start, goal, 500))
+    share = draw(0.85, 1.15)
+    limit = held / (SHARE * share)
+    plan = vff.plan(swing(start, limit), [goal, 0.0])
+    if share > 1.0:
+        assert plan.status == "too heavy"
+        return
+    assert plan.status == "found", plan.message
+    arm = vff.Scenario.from_dict(swing(start, limit)).arm
+    times = np.linspace(0.0, plan.duration, 1000)
+    torques = [arm.inverse_dynamics(*(each[0] for each in plan.at([t]))) for t in times]
+    assert np.abs(torques)[:, 0].max() < 1.003 * SHARE * limit
+
+
+def test_a_load_that_is_just_too_heavy_is_said_to_be() -> None:
+    start, goal = [0.0, -0.9, 0.6, -1.2, -1.57, 0.0], [1.2, 0.3, -0.2, -1.2, -1.57, 0.0]
+    for mass, status in ((6.9, "found"), (7.0, "too heavy"), (7.2, "too heavy")):
+        arm = {"model": "ur5e", "load": {"mass": mass, "com": [0.0, 0.0, 0.05]}}
+        scene = {"duration": 1.0, "q0": start, "arm": arm, "reference": {"kind": "setpoint"}}
+        plan = vff.plan(scene, goal)
+        assert plan.status == status, plan.message
+        assert (status == "found") or "`shoulder_lift_joint` would have to hold 120" in plan.message
+
+
+def test_the_limit_that_makes_it_longer_than_an_hour_is_named() -> None:
+    scene = {
+        "duration": 1.0,
+        "q0": [0.0, 0.0, 0.0],
+        "arm": {"lengths": [0.5] * 3, "masses": 1.0},
+        "reference": {"kind": "setpoint", "point": [1.0, 0.5]},
+    }
+    named = set()
+    for acceleration in np.geomspace(1.85e-7, 2.0e-7, 40):
+        try:
+            vff.plan(scene, [0.3, 0.2, -0.1], acceleration=acceleration)
+        except ScenarioError as error:
+            named.add(str(error).split(":")[0])
+            assert "4e3" not in str(error)
+    assert named == {"acceleration"}
+
+
+def test_samples_are_those_that_were_drawn() -> None:
+    """Where trials with other margins have failed as well."""
+    walls = [([0.02, 3.0], [-0.06, 0.0]), ([3.0, 0.02], [0.0, -0.1])]
+    scene = {
+        "duration": 1.0,
+        "q0": [0.3, 0.2, 0.1],
+        "arm": {"lengths": [0.5] * 3, "masses": 1.0, "radius": 0.02},
+        "reference": {"kind": "setpoint", "point": [1.0, 0.0]},
+        "obstacles": [
+            {"shape": {"kind": "circle", "radius": 0.1}, "position": [0.6, 0.42]},
+            *({"shape": {"kind": "box", "size": size}, "position": place} for size, place in walls),
+        ],
+    }
+    plan = vff.plan(scene, [1.4, 0.2, 0.1], samples=2000, margin=0.1)
+    assert plan.status == "not found"
+    assert f"after {plan.samples} samples" in plan.message
+    assert plan.samples == 2000
+
+
+def between(seed: int, shares: tuple[float, float], **law: Any) -> tuple[dict[str, Any], list[float]]:
+    """A Panda at one random posture, and another one."""
+    low, high = PANDA.joint_limits.T
+    start, goal = low + (high - low) * np.random.default_rng(seed).uniform(*shares, (2, 7))
+    scene = {
+        "duration": 1.0,
+        "arm": {"model": "panda"},
+        "q0": start.tolist(),
+        "reference": {"kind": "setpoint"},
+        "controller": {"task": "pose", "null_damping": 10.0, "posture": start.tolist(), **law},
+    }
+    return scene, goal.tolist()
+
+
+@pytest.mark.parametrize("avoidance", ["null_space", "priority", "cbf"])
+@pytest.mark.parametrize("seed", [0, 1, 5, 8, 13])
+def test_a_fast_plan_is_followed(seed: int, avoidance: str) -> None:
+    """The brake near a joint's limit of speed is one relative to the plan, which keeps that limit."""
+    law = {"stiffness": 100.0, "damping": 20.0, "posture_stiffness": 20.0, "avoidance": avoidance}
+    scene, goal = between(seed, (0.2, 0.8), **law)
+    plan = vff.plan(scene, goal, speed=0.97)
+    assert plan.status == "found"
+    assert (np.abs(plan.dq).max(axis=0) / PANDA.velocity_limits).max() > 0.9
+    run = vff.simulate({**scene, "reference": plan.reference, "duration": np.ceil(plan.duration) + 1.0})
+    assert np.linalg.norm(run.error[:, :3], axis=1).max() < 1e-3
+    assert (np.abs(run.dq).max(axis=0) <= 1.01 * np.array(PANDA.velocity_limits)).all()
+
+
+class Ideal:
+    """Goes exactly where it is told to."""
+
+    command, paces = "position", True
+
+    def __init__(self, q: Any) -> None:
+        self.q, self.dq, self.t = np.array(q), np.zeros(7), 0.0
+        self.sent: list[Any] = []
+
+    def read(self) -> Any:
+        return self.t, self.q.copy(), self.dq.copy()
+
+    def write(self, q: Any) -> None:
+        self.sent.append(q.copy())
+        self.dq, self.q, self.t = (q - self.q) / 1e-3, q.copy(), self.t + 1e-3
+
+
+@pytest.mark.parametrize(
+    ("seed", "speed", "law"),
+    [
+        (8, 0.5, {"stiffness": 900.0, "damping": 60.0, "avoidance": "cbf"}),
+        (31, 0.9, {"stiffness": 100.0, "damping": 20.0}),
+        (5, 0.99, {"stiffness": 100.0, "damping": 20.0}),
+    ],
+)
+def test_set_points_follow_a_plan_that_keeps_their_limits(
+    seed: int, speed: float, law: dict[str, Any]
+) -> None:
+    """Whatever share of the limits it takes: what is behind their limit of jerk is what the law adds."""
+    scene, goal = between(seed, (0.25, 0.75), posture_stiffness=100.0, **law)
+    limits = {"acceleration": 6.0, "jerk": 60.0}
+    plan = vff.plan(scene, goal, speed=speed, **limits)
+    assert plan.status == "found"
+    robot = Ideal(scene["q0"])
+    with vff.drive(
+        robot,
+        {**scene, "reference": plan.reference, "duration": plan.duration + 1.0},
+        seconds=plan.duration + 1.5,
+        limits=limits,
+    ) as drive:
+        drive.wait(HANG)
+    sent = np.array(robot.sent)
+    begins = int(np.argmax(np.abs(sent - scene["q0"]).max(axis=1) > 1e-6))
+    places = plan.at(1e-3 * np.arange(len(sent)))[0]
+    off = [np.abs(sent[i:] - places[: len(sent) - i]).max() for i in range(max(begins - 80, 0), begins)]
+    assert min(off) < 0.01
+    for order, most in ((2, 6.0), (3, 60.0)):
+        assert np.abs(np.diff(sent, order, axis=0)).max() < most * 1e-3**order * 1.01 + 1e-12
+
+
+@pytest.mark.parametrize("limits", ["a", [[0, 1, 2]], 3.0])
+def test_limits_of_set_points_are_a_mapping(limits: Any) -> None:
+    scene, _ = between(0, (0.25, 0.75))
+    with pytest.raises(InputTypeError, match="limits: expected a mapping"):
+        vff.drive(Ideal(scene["q0"]), scene, limits=limits)
