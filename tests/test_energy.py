@@ -147,3 +147,44 @@ class TestTank:
         away /= np.linalg.norm(away)
         np.testing.assert_allclose(avoidance(empty, -away), avoidance(free, -away), atol=1e-10)
         np.testing.assert_allclose(avoidance(empty, away), 0.25 * avoidance(free, away), atol=1e-10)
+
+
+@pytest.mark.parametrize("limit", ["joint_limits", "velocity_limits"])
+def test_what_the_program_of_limits_changes_is_accounted_for(limit: str) -> None:
+    """Where joints come to their stops, or to half of the speeds that they would have."""
+    scene = vff.Scenario.load("sweep-through").replace(**{"simulation.control": "continuous"})
+    free = vff.simulate(scene)
+    low = np.minimum(free.q.min(axis=0) + 0.1, free.q[0] - 0.03)
+    given = {
+        "joint_limits": np.stack([low, free.q.max(axis=0) + 0.5], axis=1).tolist(),
+        "velocity_limits": (0.5 * np.abs(free.dq).max(axis=0)).tolist(),
+    }
+    result = vff.simulate(scene, {f"arm.{limit}": given[limit]})
+    assert np.abs(result.power[:, 5]).max() > 1.0  # W: it does something
+    assert result.metrics.passivity_residual < 1e-4 * result.energy[:, 2].max()
+
+
+def test_a_tank_fills_with_what_damping_takes_out_alone() -> None:
+    """Where torque limits leave little of it, as well as where they leave it all."""
+    q0 = [0.5, 0.6, -0.4, -0.8]
+    scene = {
+        "duration": 2.0,
+        "q0": q0,
+        "arm": {"lengths": [0.5] * 4, "masses": 3.0},
+        "reference": {"kind": "setpoint", "point": [1.0, 1.0]},
+        "controller": {
+            "null_damping": 8.0,
+            "stiffness": 1e-3,
+            "damping": 0.2,
+            "tank": {"capacity": 100.0, "initial": 0.0},
+        },
+    }
+    arm = vff.Scenario.from_dict(scene).arm
+    still = np.linalg.svd(np.array(arm.jacobian(q0)))[2][-1]  # moves the links and not the tip
+    scene |= {"dq0": (1.5 * still).tolist()}
+    scene["reference"] = {"kind": "setpoint", "point": [float(x) for x in arm.pose(q0)[0]]}
+    for torque in (0.3, 1e4):
+        result = vff.simulate(scene, {"arm.torque_limits": torque})
+        taken = -np.trapezoid((result.tau * result.dq).sum(axis=1), result.t)
+        assert taken > 0.1
+        np.testing.assert_allclose(result.tank[-1], taken, rtol=0.02)

@@ -10,7 +10,6 @@ use std::fmt::Display;
 use std::sync::Arc;
 use vff_core::control::distance::OwnPair;
 use vff_core::robot::Robot;
-use vff_core::robot::description::ArmDescription;
 use vff_core::robot::models;
 use vff_core::robot::urdf::{self, Options, Tree};
 
@@ -96,7 +95,7 @@ pub fn check_arm<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = document)] arm: toml::Table,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let arm: ArmDescription = typed(arm)?;
+    let arm = models::read(arm).map_err(refused)?;
     to_python(py, &arm.checked().map_err(refused)?)
 }
 
@@ -125,7 +124,7 @@ pub fn overlapping_links(
     #[pyo3(from_py_with = document)] arm: toml::Table,
     postures: Vec<Vec<f64>>,
 ) -> PyResult<Vec<Vec<(String, String)>>> {
-    let arm: ArmDescription = typed(arm)?;
+    let arm = models::read(arm).map_err(refused)?;
     let arm = Arc::new(arm.build().map_err(refused)?);
     let n = arm.dof();
     if let Some(other) = postures.iter().find(|q| q.len() != n) {

@@ -319,11 +319,21 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Changes that torque where the end effector has to give way, or the drives cannot follow.
     pub(super) fn give_way(&mut self) {
-        let Self { robot, space, forces, law, range, avoider, ends, .. } = self;
+        let Self { robot, space, forces, law, range, avoider, ends, confined, .. } = self;
         let range = range.as_deref().filter(|_| self.is_ranged);
         if let Some(avoider) = avoider {
             let Law { bias, torque, .. } = law;
+            let before = &mut confined.total;
+            before.copy_from_slice(&torque.total);
             avoider.act(&Situation { robot, space, forces, bias, range, ends }, torque);
+            // Where only limits act, the balance of the null space (T39) has what they change.
+            if *before != torque.total && !avoider.yields() {
+                before
+                    .iter_mut()
+                    .zip(&torque.total)
+                    .for_each(|(before, tau)| *before = tau - *before);
+                self.scaling += null_power(space, robot.velocity(), before);
+            }
         }
         self.is_ranged = false;
     }
@@ -533,7 +543,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
-            tank.elapse(dt, self.law.damping_power - self.share * injected);
+            // Of both as much as torque limits have left.
+            let [.., damping, avoidance, _, _] = self.objective_scale;
+            tank.elapse(dt, damping * self.law.damping_power - avoidance * self.share * injected);
         }
     }
 }

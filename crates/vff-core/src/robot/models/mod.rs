@@ -77,9 +77,30 @@ pub fn text(name: &str) -> Result<&'static str, ModelError> {
 /// # Ok::<(), vff_core::robot::models::ModelError>(())
 /// ```
 pub fn named(name: &str) -> Result<ArmDescription, ModelError> {
-    let read = |text: &str| text.parse::<Table>()?.try_into::<ArmDescription>();
-    let arm = read(text(name)?).map_err(|error| ModelError::Syntax(error.to_string()))?;
-    Ok(arm.checked()?)
+    let table = text(name)?.parse().map_err(|error: toml::de::Error| syntax(&error))?;
+    Ok(read(table)?.checked()?)
+}
+
+/// The arm of a document, as it is given.
+///
+/// # Errors
+/// [`ModelError::Syntax`] where it does not hold what it must.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::models;
+///
+/// let table = models::text("panda")?.parse().unwrap();
+/// assert_eq!(models::read(table)?.dof(), 7);
+/// # Ok::<(), models::ModelError>(())
+/// ```
+#[inline(never)] // it is large
+pub fn read(table: Table) -> Result<ArmDescription, ModelError> {
+    table.try_into().map_err(|error| syntax(&error))
+}
+
+fn syntax(error: &toml::de::Error) -> ModelError {
+    ModelError::Syntax(error.to_string())
 }
 
 #[cfg(test)]
