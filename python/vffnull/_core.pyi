@@ -1967,6 +1967,8 @@ def plan(
     horizon: float | None,
     tilt: float | None,
     upright: Sequence[float] | None,
+    approach: Sequence[float] | None,
+    retreat: Sequence[float] | None,
     acceleration: Sequence[float] | None,
     jerk: Sequence[float] | None,
     speed: float,
