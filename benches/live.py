@@ -33,6 +33,8 @@ SETTLED = 5.0
 """After so long [s] a browser that has just been started works no more on its own."""
 BEGUN = 60.0
 """So long after its first picture [s] a page that has not begun is given up."""
+LONGEST = 3600.0
+"""So long [s] is a run that shall not come to its end, where it would pause, while it is measured."""
 WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
@@ -82,7 +84,10 @@ def opening(browser: Browser, name: str) -> tuple[float, float, float]:
 
 def look(browser: Browser, name: str, seconds: float) -> str:
     listens, opens, work = opening(browser, name)
-    page = vff.live(name, open_browser=False, block=False)
+    scenario = vff.Scenario.load(name).replace(
+        duration=LONGEST
+    )  # a run that only is watched pauses at its end
+    page = vff.live(scenario, open_browser=False, block=False)
     try:
         tab, heard = opened(browser, page.url)
         due = time.perf_counter() + BEGUN

@@ -34,7 +34,8 @@ def at(*place: float) -> Any:
 PLACE = at(-0.05, -0.5, 0.62)
 EYE = at(9.0, 0.0, 0.6)  # seen from the front
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": PLACE.tolist()}
-"""A Panda with a ball that waits beside its elbow."""
+"""A Panda with a ball that waits beside its elbow, 0.32 m away."""
+NEAR = 0.2  # m: well within the field of a ball that is to push, which begins at 0.25
 SPATIAL = [name for name in vff.scenarios() if vff.Scenario.load(name).arm.dimension == 3]
 
 
@@ -702,7 +703,8 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 wait_for(lambda: (tab.wait_for_timeout(100), settled(tab))[1])
                 frames(page)
                 end_of_time, tries = time.monotonic() + HANG, 0
-                while page.snapshot()["clearance"].min() >= 0.15:
+                nearest = np.inf  # m, so far: the elbow gives way, how far depends on where the ball is
+                while nearest >= NEAR:
                     assert time.monotonic() < end_of_time, f"the ball does not come to the elbow, {view}"
                     uncover()  # the note may come again, and lie on the ball
                     tries += 1
@@ -720,7 +722,10 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                         tab.mouse.move(x, y - aside)
                         tab.wait_for_timeout(100)
                     tab.mouse.up()
-                    tab.wait_for_timeout(3000)
+                    patience = time.monotonic() + 3.0
+                    while nearest >= NEAR and time.monotonic() < patience:
+                        nearest = min(nearest, page.snapshot()["clearance"].min())
+                        tab.wait_for_timeout(20)
                 wait_for(lambda: not page._scene._wanted)
             page.open(vff.Scenario.load("ur5e-sweep"))  # without a cup
             wait_for(lambda: seen.errors or tab.locator("#vff-angle").count() == 0)
