@@ -120,7 +120,7 @@ def test_a_second_run_is_as_the_first_after_a_reset() -> None:
     np.testing.assert_array_equal(first, run())
 
 
-def folded(t: float) -> tuple[Any, Any, Any]:
+def folded() -> tuple[Any, Any, Any]:
     """A state of six links, and where their tip is."""
     q = np.array([1.2, -0.6, -0.6, -0.5, 0.3, 0.4])
     return q, np.zeros(6), vff.Arm.uniform(6).forward_kinematics(q)[-1]
@@ -137,7 +137,7 @@ AT_ONCE: dict[str, Any] = {
 def test_what_is_given_moves_by_the_clock_of_whoever_gives_it(before: str) -> None:
     """A disc that comes near in 8 s, and was 8 s away before the clock went back."""
     disc = vff.Obstacle.circle([1.6, 2.9], radius=0.15, motion=vff.Motion.linear([0.0, -0.08]))
-    q, dq, x = folded(0.0)
+    q, dq, x = folded()
 
     def loop(controller: vff.Controller, t: float, count: int = 40) -> None:
         for k in range(count):
@@ -168,7 +168,7 @@ def test_what_is_given_moves_by_the_clock_of_whoever_gives_it(before: str) -> No
 
 def test_what_comes_with_a_clock_that_was_set_has_that_clock() -> None:
     disc = vff.Obstacle.circle([1.6, 2.9], radius=0.15, motion=vff.Motion.linear([0.0, -0.08]))
-    (q, dq, x), sent = folded(0.0), []
+    (q, dq, x), sent = folded(), []
     for leap in (0.0, 10.0):
         controller = vff.Controller(vff.Arm.uniform(6), AT_ONCE)
         controller.begin(0.001)

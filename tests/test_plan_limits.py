@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from test_drive import Still
 from vffnull.errors import InputTypeError, ScenarioError
 from waiting import HANG
 
@@ -119,21 +120,16 @@ def test_a_fast_plan_is_followed(seed: int, avoidance: str) -> None:
     assert (np.abs(run.dq).max(axis=0) <= 1.01 * np.array(PANDA.velocity_limits)).all()
 
 
-class Ideal:
-    """Goes exactly where it is told to."""
-
-    command, paces = "position", True
+class Ideal(Still):
+    """Keeps what it was sent."""
 
     def __init__(self, q: Any) -> None:
-        self.q, self.dq, self.t = np.array(q), np.zeros(7), 0.0
+        super().__init__(q)
         self.sent: list[Any] = []
 
-    def read(self) -> Any:
-        return self.t, self.q.copy(), self.dq.copy()
-
-    def write(self, q: Any) -> None:
-        self.sent.append(q.copy())
-        self.dq, self.q, self.t = (q - self.q) / 1e-3, q.copy(), self.t + 1e-3
+    def write(self, command: Any, /) -> None:
+        self.sent.append(command.copy())
+        super().write(command)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from test_cli import vffnull
 from test_plan import GAP
 from test_plan_goals import rests
 from vffnull.errors import InputError, InputTypeError, ScenarioError
+from vffnull.evaluation.geometry.arm import rotation
 
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 DOWN = [0.0, 1.0, 0.0, 0.0]  # the tool's z points down
@@ -41,9 +42,7 @@ def axes(turned: Any) -> NDArray[Any]:
     if np.ndim(turned) == 0:
         c, s = np.cos(turned), np.sin(turned)
         return np.array([[c, -s], [s, c]])
-    w, *v = np.asarray(turned) / np.linalg.norm(turned)
-    cross = np.cross(np.eye(3), v)
-    return np.eye(3) + 2.0 * (w * cross + cross @ cross)
+    return rotation(turned)
 
 
 def check_line(ways: Stands, along: NDArray[Any]) -> None:

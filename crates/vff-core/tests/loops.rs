@@ -178,10 +178,9 @@ impl Bench {
         let (q, dq) = (vec![wild; n], vec![-wild; n]);
         self.controller.observe(&q, &dq, self.t + 0.3);
         match k % 4 {
-            0 => {
+            0 | 1 => {
                 self.controller.follow();
             }
-            1 => drop(self.controller.follow().to_vec()),
             2 if wild < 10.0 => {
                 self.controller.stable_period(&q, self.t);
             }

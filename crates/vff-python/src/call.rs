@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PySequence;
 use toml::Table;
 use vff_core::runtime::points::PointUpdate;
-use vff_core::runtime::{AnyObstacles, Target};
+use vff_core::runtime::{AnyController, AnyObstacles, Target};
 use vff_core::scenario::ScenarioError;
 
 /// A reference in numbers, or none.
@@ -38,6 +38,11 @@ impl Reference {
     /// The reference itself.
     pub fn target(&self) -> Option<Target<'_>> {
         self.given.then_some(self.numbers())
+    }
+
+    /// Whether a law can follow it, or none was given.
+    pub fn suits(&self, law: &AnyController) -> bool {
+        self.target().is_none_or(|target| law.check(&target).is_ok())
     }
 
     /// Its numbers, zeros where nothing was given.

@@ -102,7 +102,7 @@ impl Controller {
         let (q, dq) = (vector("q", call.q, self.n)?, vector("dq", call.dq, self.n)?);
         let reference = Reference::read(self.widths, Some(call.x), call.dx, call.ddx)?;
         let target = reference.numbers();
-        let accepts = |controller: &AnyController| controller.check(&target).is_ok();
+        let accepts = |law: &AnyController| reference.suits(law);
         let done = self.asked_among(py, call.obstacles, accepts, |controller| {
             let tau = controller.torque(&q, &dq, &target, t)?.to_vec();
             let finite = tau.iter().all(|tau| tau.is_finite());
@@ -348,11 +348,9 @@ impl Controller {
             (Some(t), Some(q), Some(dq)) => Some(Reading { t, q, dq }),
             _ => None,
         };
-        let target = reference.target();
-        let fits = |law: &AnyController| target.as_ref().is_none_or(|x| law.check(x).is_ok());
-        let accepts = |law: &AnyController| law.phase().is_some() && fits(law);
+        let accepts = |law: &AnyController| law.phase().is_some() && reference.suits(law);
         let done = self.among(py, obstacles, accepts, |controller| {
-            let phase = controller.cycle(reading, target.as_ref())?;
+            let phase = controller.cycle(reading, reference.target().as_ref())?;
             Ok((controller.sent().unwrap_or_default().to_vec(), phase))
         })?;
         let (tau, phase) = done.map_err(|fault: CycleError| {

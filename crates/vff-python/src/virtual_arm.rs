@@ -156,9 +156,7 @@ impl VirtualArm {
         let q = q.map(|q| any_vector("q", q, self.n)).transpose()?;
         let dq = dq.map(|dq| any_vector("dq", dq, self.n)).transpose()?;
         let measured = q.as_deref().zip(dq.as_deref()).map(|(q, dq)| [q, dq]);
-        let target = reference.target();
-        let fits = |law: &AnyController| target.as_ref().is_none_or(|x| law.check(x).is_ok());
-        let accepts = |law: &AnyController| law.sets_points() && fits(law);
+        let accepts = |law: &AnyController| law.sets_points() && reference.suits(law);
         let done: PyResult<([Vec<f64>; 3], Course)> = law.among(py, obstacles, accepts, |controller| {
             let mut inner = self.inner.take(py)?;
             let fault = |fault: CycleError| match fault {
@@ -167,7 +165,7 @@ impl VirtualArm {
                 ),
                 fault => InputError::new_err(fault.to_string()),
             };
-            let course = inner.step(controller, t, target.as_ref(), measured);
+            let course = inner.step(controller, t, reference.target().as_ref(), measured);
             Ok((inner.set_point().map(<[f64]>::to_vec), course.map_err(fault)?))
         })?;
         let ([q, dq, ddq], course) = done?;

@@ -2,7 +2,7 @@
 
 use super::piecewise;
 use super::spline::{Ends, cubics};
-use super::taking_over::{Fading, Vanishing};
+use super::taking_over::{Fading, Remainder};
 use super::{KeptMargins, TrajectoryError};
 use crate::interrupt;
 use crate::math::Vector;
@@ -37,7 +37,7 @@ pub struct JointSpline {
     /// What is left of the motion before, of each joint.
     before: Option<Fading>,
     /// By how much the posture still is elsewhere, of each joint.
-    drawn: Option<Vanishing>,
+    drawn: Option<Remainder<Vec<[f64; 3]>>>,
     /// What every link is known to keep on the way.
     margins: Option<KeptMargins>,
 }
@@ -128,7 +128,7 @@ impl JointSpline {
         self.at(t, there.each_mut().map(Vec::as_mut_slice));
         let [x, dx, ddx] = &there;
         let left = q.zip(0..self.n).map(|(q, i)| [q - x[i], -dx[i], -ddx[i]]);
-        self.drawn = Some(Vanishing::new(t, duration, left));
+        self.drawn = Some(Remainder::new(t, duration, left.collect()));
         self
     }
 
@@ -237,7 +237,7 @@ impl JointSpline {
     /// If one of the slices has not a number for each joint.
     pub fn draw(&self, t: f64, state: [&mut [f64]; 3]) {
         if let Some(drawn) = &self.drawn {
-            add(drawn.at(t), state);
+            add(drawn.each_at(t), state);
         }
     }
 

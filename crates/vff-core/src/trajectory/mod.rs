@@ -191,7 +191,7 @@ pub trait PlannedReference<P, const M: usize>: Debug + Send {
 pub struct Trajectory<P: Guided<M>, const M: usize> {
     path: Path<P, M>,
     /// What is left of the reference before, by which this one is displaced.
-    before: Option<Box<Remainder>>,
+    before: Option<Box<Remainder<[Vector<6>; 3]>>>,
 }
 
 /// What says where the end effector has to be.
@@ -330,7 +330,11 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
     /// Seldom, and not within what runs always.
     #[cold]
     #[inline(never)]
-    fn add_remainder(before: &Remainder, sample: Sample<P, M>, t: f64) -> Sample<P, M> {
+    fn add_remainder(
+        before: &Remainder<[Vector<6>; 3]>,
+        sample: Sample<P, M>,
+        t: f64,
+    ) -> Sample<P, M> {
         before.at(t).map_or(sample, |left| P::displaced(&sample, &left))
     }
 }

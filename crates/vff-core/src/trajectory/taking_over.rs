@@ -36,50 +36,44 @@ impl Fading {
     }
 }
 
-/// Numbers of which less and less is left, and of their derivatives: what they are taken from is let go, and not gone back to.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Vanishing {
-    start: f64,
-    duration: f64,
-    left: Vec<[f64; 3]>,
-}
-
-impl Vanishing {
-    /// Of what is `left` of each at `start` \[s\], with its first two derivatives, within `duration` \[s\], > 0.
-    pub(super) fn new(start: f64, duration: f64, left: impl Iterator<Item = [f64; 3]>) -> Self {
-        Self { start, duration, left: left.collect() }
-    }
-
-    /// What is left of each at time `t` \[s\]; nothing before the start and after the end.
-    pub(super) fn at(&self, t: f64) -> impl Iterator<Item = [f64; 3]> + '_ {
-        let gone = (t - self.start) / self.duration;
-        let is_left = (0.0..1.0).contains(&gone);
-        let left = if is_left { &self.left[..] } else { &[] };
-        left.iter().map(move |left| left.map(|left| left * (1.0 - smoothstep(gone))))
-    }
-}
-
-/// How far pose, velocity and acceleration of a reference were from those of the one that has taken its place, of which less and
-/// less is added to what that asks for. An arm that something holds far from its reference is thereby let go: a reference that
-/// came back to it would push it away with the speed at which it comes.
+/// How far something was, with its first two derivatives, from what has taken its place, of which less and less is added to what that
+/// asks for. An arm that something holds far from its reference is thereby let go: a reference that came back to it would push it away
+/// with the speed at which it comes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Remainder {
+pub(super) struct Remainder<L> {
     start: f64,
     duration: f64,
-    left: [Vector<6>; 3],
+    left: L,
 }
 
-impl Remainder {
+impl<L> Remainder<L> {
     /// Of what is left at `start` \[s\], for `duration` \[s\], > 0.
-    pub(super) fn new(start: f64, duration: f64, left: [Vector<6>; 3]) -> Self {
+    pub(super) fn new(start: f64, duration: f64, left: L) -> Self {
         Self { start, duration, left }
     }
 
-    /// What is left at time `t` \[s\]; None before the start and after the end.
+    /// The share of it that is left at time `t` \[s\]; None before the start and after the end.
+    #[inline]
+    fn share(&self, t: f64) -> Option<f64> {
+        let gone = (t - self.start) / self.duration;
+        (0.0..1.0).contains(&gone).then(|| 1.0 - smoothstep(gone))
+    }
+}
+
+impl Remainder<[Vector<6>; 3]> {
+    /// What is left of a pose, its velocity and its acceleration at time `t` \[s\].
     #[inline]
     pub(super) fn at(&self, t: f64) -> Option<[Vector<6>; 3]> {
-        let gone = (t - self.start) / self.duration;
-        (0.0..1.0).contains(&gone).then(|| self.left.map(|left| left * (1.0 - smoothstep(gone))))
+        self.share(t).map(|share| self.left.map(|left| left * share))
+    }
+}
+
+impl Remainder<Vec<[f64; 3]>> {
+    /// What is left of each number and its derivatives at time `t` \[s\]; nothing before the start and after the end.
+    pub(super) fn each_at(&self, t: f64) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let share = self.share(t);
+        let all = |share: f64| self.left.iter().map(move |left| left.map(|left| left * share));
+        share.into_iter().flat_map(all)
     }
 }
 

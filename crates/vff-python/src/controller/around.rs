@@ -1,13 +1,15 @@
 //! Among which obstacles the law is asked.
 
-use super::Controller;
+use super::{Controller, Inner};
 use crate::call::{read_obstacles, sequence};
 use crate::errors;
+use crate::exclusive::Access;
 use crate::watch::attended;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
 use std::mem::{replace, take};
+use vff_core::runtime::controller::Surroundings;
 use vff_core::runtime::{AnyController, AnyObstacles};
 
 /// The obstacles of the last call, as they were given: the same again need not be read again.
@@ -71,12 +73,10 @@ impl Controller {
         let (mut old, mut left) = (vec![], None);
         if !inner.around.knows(py, &given) && accepts(&inner.controller) {
             drop(inner);
-            let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
-            inner = self.inner.take(py)?;
-            let around = attended(|| inner.controller.surroundings_of(read))?;
-            let mut around = around.map_err(|error| errors::scenario(&error))?;
-            inner.controller.exchange(&mut around, 0.0);
-            left = Some(around);
+            let around;
+            (inner, around) = self.read_around(py, &given)?;
+            let around = left.insert(around);
+            inner.controller.exchange(around, 0.0);
             old = replace(&mut inner.around.0, given.into_iter().map(Bound::unbind).collect());
         }
         let done = attended(|| act(&mut inner.controller));
@@ -90,8 +90,20 @@ impl Controller {
         done
     }
 
-    /// The same for what is no cycle of a loop that is watched over or sets points: that goes on among its own obstacles, and what has been seen of
-    /// them.
+    /// What the law would be among with these obstacles around, and access to it.
+    fn read_around(
+        &self,
+        py: Python<'_>,
+        given: &[Bound<'_, PyAny>],
+    ) -> PyResult<(Access<'_, Inner>, Surroundings)> {
+        let read = read_obstacles(self.nothing.clone(), given, AnyObstacles::read_seen)?;
+        let inner = self.inner.take(py)?;
+        let around = attended(|| inner.controller.surroundings_of(read))?;
+        Ok((inner, around.map_err(|error| errors::scenario(&error))?))
+    }
+
+    /// The same for what is no cycle of a loop that is watched over or sets points: that goes on among its own obstacles, and what
+    /// has been seen of them.
     pub(super) fn asked_among<T>(
         &self,
         py: Python<'_>,
@@ -107,10 +119,7 @@ impl Controller {
             return self.among_those(py, given, accepts, act);
         }
         drop(inner);
-        let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
-        let mut inner = self.inner.take(py)?;
-        let around = attended(|| inner.controller.surroundings_of(read))?;
-        let mut around = around.map_err(|error| errors::scenario(&error))?;
+        let (mut inner, mut around) = self.read_around(py, &given)?;
         inner.controller.lend(&mut around);
         let done = attended(|| act(&mut inner.controller));
         inner.controller.lend(&mut around);

@@ -323,16 +323,18 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         let range = range.as_deref().filter(|_| self.is_ranged);
         if let Some(avoider) = avoider {
             let Law { bias, torque, .. } = law;
-            let before = &mut confined.total;
-            before.copy_from_slice(&torque.total);
-            avoider.act(&Situation { robot, space, forces, bias, range, ends }, torque);
-            // Where only limits act, the balance of the null space (T39) has what they change.
-            if *before != torque.total && !avoider.yields() {
-                before
-                    .iter_mut()
-                    .zip(&torque.total)
-                    .for_each(|(before, tau)| *before = tau - *before);
-                self.scaling += null_power(space, robot.velocity(), before);
+            let situation = Situation { robot, space, forces, bias, range, ends };
+            if avoider.yields() {
+                avoider.act(&situation, torque);
+            } else {
+                // Where only limits act, the balance of the null space (T39) has what they change.
+                let change = &mut confined.total;
+                change.copy_from_slice(&torque.total);
+                avoider.act(&situation, torque);
+                if *change != torque.total {
+                    change.iter_mut().zip(&torque.total).for_each(|(old, tau)| *old = tau - *old);
+                    self.scaling += null_power(space, robot.velocity(), change);
+                }
             }
         }
         self.is_ranged = false;

@@ -106,7 +106,7 @@ where
         };
         let candidates = match goal {
             Aim::At(q) if !inside(q) => {
-                let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
+                let why = beyond(q, &limits, Place::Goal, |i| self.space.robot().joint_name(i));
                 Err((f64::INFINITY, why.unwrap_or_default()))
             }
             Aim::At(q) => Ok(vec![q.to_vec()]),
@@ -233,8 +233,8 @@ where
             let (mut status, mut why) = (PlanStatus::NotFound, String::new());
             for found in &found {
                 let approach = open.iter().find(|way| found.path.last() == way.first());
-                let paths = [Some(&retreat), Some(&found.path), approach.copied()];
-                match self.timed_in_turn(paths, &limits)? {
+                let approach = approach.expect("it leads to one of these");
+                match self.timed_in_turn([&retreat, &found.path, approach], &limits)? {
                     Ok((motion, off)) => {
                         let plan = self.finished(motion, [all, found.nodes], margins, off);
                         // What keeps next to nothing may touch within the resolution of its certificate.
@@ -307,7 +307,7 @@ where
 
     /// What blocks the arm at `q`, which is not free, and its distance \[m\].
     fn blocked(&mut self, q: &[f64], limits: &Limits, place: Place) -> (String, f64) {
-        if let Some(why) = beyond(q, limits, place.other(), |i| self.space.robot().joint_name(i)) {
+        if let Some(why) = beyond(q, limits, place, |i| self.space.robot().joint_name(i)) {
             return (why, self.space.clearance(q));
         }
         match self.space.obstruction(q) {

@@ -111,18 +111,18 @@ where
     /// other; or why there is none.
     pub(super) fn timed_in_turn(
         &mut self,
-        [retreat, path, approach]: [Option<&Way>; 3],
+        [retreat, path, approach]: [&Way; 3],
         limits: &Limits,
     ) -> Result<Result<InTurn, (PlanStatus, String)>, ScenarioError> {
         let mut whole: Option<Certified> = None;
         let mut off = [None; 2];
-        for (way, which) in [(retreat, Some(0)), (path, None), (approach, Some(1))] {
-            let Some(way) = way.filter(|way| way.len() > 1) else { continue };
+        let all = [(retreat, Some(0)), (path, None), (approach, Some(1))];
+        for (way, end) in all.into_iter().filter(|(way, _)| way.len() > 1) {
             let part = match self.timed(way, limits)? {
                 Ok(part) => part,
                 Err(why) => return Ok(Err(why)),
             };
-            if let Some(end) = which {
+            if let Some(end) = end {
                 off[end] = Some(self.off_line(&part.0));
             }
             whole = Some(match whole {
@@ -134,30 +134,25 @@ where
     }
 
     /// How far the end effector is off the line between the ends of a motion along it \[m\].
-    pub(super) fn off_line(&mut self, spline: &JointSpline) -> f64 {
-        let [start, end] = spline.span();
-        let [from, to] = [start, end].map(|t| self.tip_at(spline, t));
-        let along = (to - from).normalize();
-        let off = |place: Vector<3>| {
-            let way = place - from;
-            (way - along * way.dot(&along)).norm()
+    fn off_line(&mut self, spline: &JointSpline) -> f64 {
+        let mut state = [0; 3].map(|_| vec![0.0; self.start.len()]);
+        let robot = self.space.robot();
+        let mut tip_at = |t: f64| {
+            spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+            robot.update_positions(&state[0]);
+            in_space(&robot.tip())
         };
+        let [from, to] = spline.span().map(&mut tip_at);
+        let along = (to - from).normalize();
         let mut most: f64 = 0.0;
         for pair in spline.times().windows(2) {
             for k in 0..CHECKS {
-                let t = pair[0] + (pair[1] - pair[0]) * f64::from(k) / f64::from(CHECKS);
-                most = most.max(off(self.tip_at(spline, t)));
+                let share = f64::from(k) / f64::from(CHECKS);
+                let way = tip_at(pair[0] + (pair[1] - pair[0]) * share) - from;
+                most = most.max((way - along * way.dot(&along)).norm());
             }
         }
         most
-    }
-
-    fn tip_at(&mut self, spline: &JointSpline, t: f64) -> Vector<3> {
-        let mut state = [0; 3].map(|_| vec![0.0; self.start.len()]);
-        spline.at(t, state.each_mut().map(Vec::as_mut_slice));
-        let robot = self.space.robot();
-        robot.update_positions(&state[0]);
-        in_space(&robot.tip())
     }
 }
 
@@ -187,12 +182,11 @@ fn along_line<R: Jointed<D>, const D: usize>(
     way: &Vector<3>,
     size: f64,
 ) -> Result<Way, f64> {
-    let from = Stand::of(robot);
-    let line = Line { from, way: *way, size };
-    if *way == Vector::<3>::zeros() {
-        return Ok(vec![q.to_vec()]);
-    }
     let mut all = vec![q.to_vec()];
+    if *way == Vector::<3>::zeros() {
+        return Ok(all);
+    }
+    let line = Line { from: Stand::of(robot), way: *way, size };
     let mut gone = 0.0;
     let stride = STRIDE * size / way.norm();
     while gone < 1.0 {

@@ -135,16 +135,14 @@ where
             tip: [self.command.tip_speed, self.command.tip_angular_speed]
                 .map(|most| most.map_or(f64::INFINITY, |most| share * most)),
         };
+        let accelerates = self.settings.acceleration.is_some();
+        let too_slow =
+            |duration| too_slow(path, duration, (&limits.velocity, accelerates), &bounds);
         let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
             Ok(law) => law,
-            Err(Stop::Heavy(heavy)) => {
-                return Ok(Err(self.too_heavy(heavy)));
-            }
+            Err(Stop::Heavy(heavy)) => return Ok(Err(self.too_heavy(heavy))),
             Err(Stop::Winding) => return Ok(Err(too_tight())),
-            Err(Stop::Slow(duration)) => {
-                let given = self.settings.acceleration.is_some();
-                return Err(too_slow(path, duration, (&limits.velocity, given), &bounds));
-            }
+            Err(Stop::Slow(duration)) => return Err(too_slow(duration)),
         };
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         for refinement in 0..=REFINEMENTS {
@@ -191,11 +189,7 @@ where
                         let key = match (jerked < over, rushed < over) {
                             (false, _) => "jerk",
                             (true, false) => "controller.command.torque_rate",
-                            (true, true) => {
-                                let given = self.settings.acceleration.is_some();
-                                let of = (&limits.velocity[..], given);
-                                return Err(too_slow(path, duration, of, &bounds));
-                            }
+                            (true, true) => return Err(too_slow(duration)),
                         };
                         let problem = format!(
                             "too little to get anywhere in less than {duration:.0} s: motions are planned that take up to {LONGEST} s"
@@ -228,8 +222,8 @@ where
         (PlanStatus::TooHeavy, why)
     }
 
-    /// The square of how much longer a motion has to take to keep the limits of speed, acceleration and torque, torques and the tip's speeds at
-    /// samples, the others anywhere; and that to keep the limits of how fast torques change.
+    /// The square of how much longer a motion has to take to keep the limits of speed, acceleration and torque, torques and the tip's
+    /// speeds at samples, the others anywhere; and that to keep the limits of how fast torques change.
     ///
     /// # Errors
     /// If a joint cannot hold the arm on it.

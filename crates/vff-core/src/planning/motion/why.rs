@@ -112,7 +112,7 @@ impl Obstruction {
 pub fn beyond(
     q: &[f64],
     limits: &Limits,
-    place: &str,
+    place: Place,
     mut name: impl FnMut(usize) -> String,
 ) -> Option<String> {
     let over = |i: usize, q: f64| {
@@ -124,9 +124,11 @@ pub fn beyond(
         .max_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b))
         .filter(|(_, (excess, _))| *excess > 0.0)?;
     Some(format!(
-        "at the {place} {} is at {:.4}, {excess:.3} beyond its limit of {limit:.4}; another {place} helps",
+        "{} {} is at {:.4}, {excess:.3} beyond its limit of {limit:.4}; another {} helps",
+        place.there(),
         name(i),
         q[i],
+        place.other(),
     ))
 }
 

@@ -183,7 +183,7 @@ where
     /// The same asked by somebody, which is no cycle of a loop that is watched over or sets points.
     fn ask_for(&mut self, target: Option<&Target<'_>>) {
         self.step_aside();
-        self.act_for(target, self.supervisor.is_none() && !self.sets_points);
+        self.act_for(target, !self.is_in_loop());
     }
 }
 
@@ -245,8 +245,7 @@ where
     fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
         let n = self.dof();
         // Without a time of its own it is of the last state, whatever was asked since.
-        let in_loop = self.supervisor.is_some() || self.sets_points;
-        let last = self.reached.filter(|_| in_loop);
+        let last = self.reached.filter(|_| self.is_in_loop());
         let since = points.since().map_or(last, |t| Some(self.world_time(t)));
         let world = points::in_space(&mut self.world)?;
         points::check(world, j, points, &self.settings, n)?;
@@ -428,11 +427,7 @@ where
     ) -> Result<(), NotARotation> {
         target.map_or(Ok(()), S::State::check)?;
         self.come_back();
-        if self.last.is_none() {
-            self.begin_at(t);
-        }
-        let elapsed = self.observe_at(q, dq, t);
-        self.reached = Some(t - self.epoch);
+        let elapsed = self.take_in(q, dq, t, self.last.is_none());
         self.hear_wanted(elapsed);
         self.act_for(target, true);
         let Self { controller, scratch, .. } = self;

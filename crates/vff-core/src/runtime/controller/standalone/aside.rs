@@ -35,8 +35,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Aside<S, D, M> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
-    /// Something else than the next cycle is asked of a loop that is watched over or sets points: of a controller that knows what that of the loop
-    /// knows by its observer. A law that is being left has no part in it.
+    /// Whether it is in a loop that is watched over or sets points: what is asked of it beside that is no cycle.
+    pub(super) fn is_in_loop(&self) -> bool {
+        self.supervisor.is_some() || self.sets_points
+    }
+
+    /// Something else than the next cycle is asked of a loop that is watched over or sets points: of a controller that knows what
+    /// that of the loop knows by its observer. A law that is being left has no part in it.
     pub(super) fn step_aside(&mut self) {
         let has_cycled = self.supervisor.as_ref().is_some_and(|supervisor| supervisor.has_sent());
         if self.is_aside || !(has_cycled || self.sets_points) || self.aside.is_none() {

@@ -27,9 +27,20 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         self.reached.filter(|reached| at < reached - Clock::LONGEST)
     }
 
+    /// Takes in the state of a cycle of a loop that is watched over or sets points, at a time of the loop \[s\], and returns the time since
+    /// the last one \[s\].
+    pub(super) fn take_in(&mut self, q: &[f64], dq: &[f64], t: f64, is_first: bool) -> f64 {
+        if is_first {
+            self.begin_at(t);
+        }
+        let elapsed = self.observe_at(q, dq, t);
+        self.reached = Some(t - self.epoch);
+        elapsed
+    }
+
     /// The first state of a loop that is watched over or sets points is of time `t` \[s\]: where that lies back, time goes on from what the last
     /// loop has reached.
-    pub(super) fn begin_at(&mut self, t: f64) {
+    fn begin_at(&mut self, t: f64) {
         if let Some(reached) = self.gone_back(t - self.epoch) {
             self.epoch = t - reached;
         }

@@ -51,11 +51,7 @@ where
         }
         if let Some(t) = news {
             let [q, dq] = supervisor.state();
-            if is_first {
-                self.begin_at(t);
-            }
-            let elapsed = self.observe_at(q, dq, t);
-            self.reached = Some(t - self.epoch);
+            let elapsed = self.take_in(q, dq, t, is_first);
             let begins = !supervisor.has_begun() && supervisor.wants_torque();
             let elsewhere = || self.missed().filter(|_| target.is_none());
             if begins && let Some(missed) = self.far_beyond(q).or_else(elsewhere) {
@@ -95,7 +91,7 @@ where
         self.controller.reset();
         self.end_fading();
         self.last = None;
-        let waits = self.supervisor.is_some() || self.sets_points;
+        let waits = self.is_in_loop();
         self.followed.iter_mut().for_each(|followed| followed.restart(waits));
     }
 
