@@ -122,7 +122,7 @@ fn give_up(share: &mut f64, part: &[f64], total: &mut [f64], ends: &[[f64; 2]]) 
 fn share_within(total: &[f64], ends: &[[f64; 2]]) -> f64 {
     total.iter().zip(ends).fold(1.0, |share: f64, (total, [low, high])| {
         let fits = (*low..=*high).contains(total);
-        if fits { share } else { share.min((total.clamp(*low, *high) / total).max(0.0)) }
+        if fits { share } else { share.min((total.max(*low).min(*high) / total).max(0.0)) }
     })
 }
 
