@@ -165,6 +165,32 @@ def test_set_points_follow_a_plan_that_keeps_their_limits(
         assert np.abs(np.diff(sent, order, axis=0)).max() < most * 1e-3**order * 1.01 + 1e-12
 
 
+@pytest.mark.parametrize(
+    "limits", [{"acceleration": 10.0, "jerk": 1000.0}, {"acceleration": 4.0, "jerk": 200.0}]
+)
+@pytest.mark.parametrize("seed", [0, 4, 12, 16])
+def test_set_points_leave_a_plan_in_time(seed: int, limits: dict[str, float]) -> None:
+    """Before a ball that comes through the planned place of the forearm, of which the plan knew nothing."""
+    scene, goal = between(
+        seed, (0.3, 0.7), stiffness=900.0, damping=60.0, posture_stiffness=20.0, avoidance="cbf"
+    )
+    plan = vff.plan(scene, goal, speed=0.6, **{key: 0.6 * value for key, value in limits.items()})
+    assert plan.status == "found"
+    meets = 0.5 * plan.duration
+    place = PANDA.forward_kinematics(plan.at(meets)[0])[5]
+    beside = np.array([-place[1], place[0], 0.0]) / np.linalg.norm(place[:2])  # past the base
+    ball = vff.Obstacle.sphere(place + 0.3 * meets * beside, 0.07, motion=vff.Motion.linear(-0.3 * beside))
+    robot = Ideal(scene["q0"])
+    with vff.drive(
+        robot,
+        {**scene, "reference": plan.reference, "duration": plan.duration, "obstacles": [ball]},
+        seconds=plan.duration + 0.5,
+        limits=limits,
+    ) as drive:
+        drive.wait(HANG)
+    assert drive.report.clearance > 0.003, drive.report.notes
+
+
 @pytest.mark.parametrize("limits", ["a", [[0, 1, 2]], 3.0])
 def test_limits_of_set_points_are_a_mapping(limits: Any) -> None:
     scene, _ = between(0, (0.25, 0.75))

@@ -9,7 +9,7 @@ use vff_core::math::{Capsule, Vector};
 use vff_core::scenario::Scenario;
 use vff_core::simulation::Status;
 use vff_core::world::space::{Obstacle, Points, Shape, World};
-use vff_core::world::{CollisionQuery, Contact, Motion, Outlook};
+use vff_core::world::{CollisionQuery, Contact, Motion, Outlook, Rates};
 
 const RATE: f64 = 40.0;
 const KEPT: f64 = 0.02;
@@ -69,7 +69,7 @@ proptest! {
         let (mut all, mut needed) = (vec![], vec![]);
         world.for_each_barrier([Body::new(0, link)], REACH, |contact| all.push(*contact));
         let coarsened = Cell::new(0);
-        let outlook = Outlook { rate: RATE, kept: [KEPT, 1.0], velocity: &of_point, coarsened: &coarsened };
+        let outlook = Outlook { rates: Rates::all(RATE), kept: [KEPT, 1.0], velocity: &of_point, coarsened: &coarsened };
         world.for_each_needed([Body::new(0, link)], REACH, &outlook, |contact| needed.push(*contact));
         prop_assert!(needed.iter().all(|contact| all.contains(contact)));
         prop_assert!(needed.is_sorted_by_key(|contact| all.iter().position(|other| other == contact)));

@@ -34,7 +34,7 @@ pub use contact::{Contact, Pair};
 pub use margin::PairMargin;
 pub use motion::{Interpolation, Motion, MotionState};
 pub use obstacle_geometry::{Asked, Description, Hierarchy, ObstacleGeometry, top_speed};
-pub use outlook::{Ahead, Outlook};
+pub use outlook::{Ahead, Outlook, Rates};
 pub use query::{CollisionQuery, Positions};
 pub use turning::{Rotation, Spin, Turn, Turning};
 pub use within::ObstacleBoxes;

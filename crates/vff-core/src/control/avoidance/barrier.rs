@@ -30,7 +30,7 @@ use crate::control::{
 use crate::interrupt;
 use crate::math::{Vector, dot};
 use crate::robot::Robot;
-use crate::world::{Contact, Outlook};
+use crate::world::{Contact, Outlook, Rates};
 use nalgebra::SMatrix;
 use std::cell::Cell;
 use tip::{CUTS, Plane, Toward};
@@ -168,6 +168,8 @@ pub(crate) struct Barrier {
     turning_weight: f64,
     /// See [`Yielding`].
     rate: f64,
+    /// The same before what moves and, without a plan, before all that the joints are moved from by other means than a torque (T201).
+    slow: f64,
     /// What moves the joints, where that is no torque.
     moved: Option<MotionLimits>,
     slack_weight: f64,
@@ -221,6 +223,7 @@ impl Barrier {
             planes: vec![],
             turning_weight: 0.0,
             rate: rate(settings),
+            slow: rate(settings),
             moved: None,
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
@@ -238,7 +241,7 @@ impl Barrier {
 
     /// Keeps distances as a way does that reacts with `rate` \[1/s\].
     pub fn reacting_with(mut self, rate: f64) -> Self {
-        self.rate = rate;
+        (self.rate, self.slow) = (rate, rate);
         self
     }
 
@@ -246,7 +249,7 @@ impl Barrier {
     pub fn moved_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
         self.moved.clone_from(&gains.moved);
         if let Some(moved) = &self.moved {
-            self.rate = self.rate.min(moved.barrier_rate());
+            self.slow = self.rate.min(moved.barrier_rate());
             self.joints.move_within(moved);
         }
         self
@@ -289,14 +292,20 @@ impl Barrier {
         self.planes.reserve(2 * (1 + CUTS));
     }
 
+    /// The rates k with which distances are kept \[1/s\].
+    fn rates(&self) -> Rates {
+        let Self { rate, slow, margins, .. } = self;
+        Rates { resting: slow + margins.by_plan() * (rate - slow), moving: *slow }
+    }
+
     /// What it reckons with where points of links move at this velocity, and where points that are left out are counted.
     pub fn outlook<'a, const D: usize>(
         &self,
         velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
         coarsened: &'a Cell<u64>,
     ) -> Outlook<'a, D> {
-        let (rate, margins) = (self.rate, &self.margins);
-        Outlook { rate, kept: margins.most(rate), velocity, coarsened }
+        let rates = self.rates();
+        Outlook { rates, kept: self.margins.most(rates.moving), velocity, coarsened }
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].
@@ -376,19 +385,21 @@ impl Barrier {
     }
 
     /// What joints cannot do of what the law wants is made up for by damping, where they are moved by other means than a torque: a law that
-    /// does not get what it wants would swing.
+    /// does not get what it wants would swing. Along a plan, which is a way of the joints, all of it becomes less alike; else what the
+    /// program leaves of it is that of the task.
     fn damp_what_is_missing<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
         torque: &mut Torque,
     ) {
-        let Self { moved: Some(moved), nominal, scratch, gradient, .. } = self else {
+        let Self { moved: Some(moved), nominal, scratch, gradient, margins, .. } = self else {
             return;
         };
-        let [_, brake] = moved.share(nominal, robot.velocity());
+        let [share, brake] = moved.share(nominal, robot.velocity());
+        let left_out = margins.by_plan() * (1.0 - share);
         if brake > 0.0 {
             for ((ddq, dq), less) in nominal.iter_mut().zip(robot.velocity()).zip(&mut *scratch) {
-                *less = -brake * dq;
+                *less = -left_out * *ddq - brake * dq;
                 *ddq += *less;
             }
             robot.mass_mul(scratch, gradient);
@@ -422,17 +433,20 @@ impl Barrier {
 
     /// Every distance, with the exact d̈ (T60).
     fn keep_distances<R: Robot<D>, const D: usize>(&mut self, robot: &R, kept: Kept<'_, D>) {
+        let rates = self.rates();
         for pair in kept.pairs {
             let motion = DistanceRate::cautious(robot, pair);
             let (height, motion) = self.margins.above(pair, motion);
-            self.keep_distance(robot, height, motion, kept.range, |normal, _| {
+            let k = rates.beside(pair.velocity.norm());
+            self.keep_distance(robot, k, height, motion, kept.range, |normal, _| {
                 robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, normal);
             });
         }
         for pair in kept.own {
             let height = pair.nearest.distance - self.margins.own();
             let motion = pair.cautious(robot);
-            self.keep_distance(robot, height, motion, kept.range, |normal, scratch| {
+            let k = rates.resting;
+            self.keep_distance(robot, k, height, motion, kept.range, |normal, scratch| {
                 pair.gradient(robot, normal, scratch);
             });
         }
@@ -444,12 +458,13 @@ impl Barrier {
     fn keep_distance<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
+        k: f64,
         height: f64,
         motion: DistanceRate,
         range: Option<&TorqueRange>,
         gradient: impl FnOnce(&mut [f64], &mut [f64]),
     ) {
-        let Self { rate: k, nominal, present, normals, bounds, shares, scratch, .. } = self;
+        let Self { nominal, present, normals, bounds, shares, scratch, .. } = self;
         interrupt::checkpoint(64 + nominal.len());
         let start = normals.len();
         normals.resize(start + nominal.len(), 0.0);
@@ -457,12 +472,12 @@ impl Barrier {
         gradient(normal, scratch);
         let asked = dot(normal, nominal) + motion.bias;
         let [bound, share] = match range {
-            None => [-(asked + 2.0 * *k * motion.rate + *k * *k * height), 1.0],
+            None => [-(asked + 2.0 * k * motion.rate + k * k * height), 1.0],
             Some(range) => {
                 interrupt::checkpoint(7 * nominal.len());
                 let now = [height, motion.rate, dot(normal, present) + motion.bias];
                 let [least, share] =
-                    range.least_distance_acceleration(robot, now, normal, scratch, *k);
+                    range.least_distance_acceleration(robot, now, normal, scratch, k);
                 [least - asked, share]
             }
         };

@@ -19,22 +19,33 @@ pub struct Margins {
     of_links: Vec<[f64; 3]>,
     /// \[m\]
     own: f64,
+    /// How much of it a plan says, from 0 to 1.
+    by_plan: f64,
 }
 
 impl Margins {
     /// Those of `settings`, for `n` links.
     pub fn new(n: usize, settings: &Yielding) -> Self {
-        let mut this = Self { usual: settings.margin, of_links: vec![[0.0; 3]; 2 * n], own: OWN };
+        let mut this = Self {
+            usual: settings.margin,
+            of_links: vec![[0.0; 3]; 2 * n],
+            own: OWN,
+            by_plan: 0.0,
+        };
         this.go_to(None);
         this
     }
 
     /// Goes to where a plan is at `pace`; without one, or where it says nothing, to those of the settings.
     pub fn go_to(&mut self, plan: Option<(&JointSpline, &Pace)>) {
+        let says = |(joints, pace): (&JointSpline, &Pace)| {
+            joints.margins().map_or(1.0, |kept| kept.share(pace.time))
+        };
+        self.by_plan = plan.map_or(0.0, says);
         let known = plan.and_then(|(joints, pace)| Some((joints.margins()?, pace)));
         if let Some((kept, pace)) = known {
             kept.at(pace, self.usual, &mut self.of_links);
-            self.own = OWN_ALONG_PLAN + (1.0 - kept.share(pace.time)) * (OWN - OWN_ALONG_PLAN);
+            self.own = OWN_ALONG_PLAN + (1.0 - self.by_plan) * (OWN - OWN_ALONG_PLAN);
         } else {
             let n = self.of_links.len() / 2;
             let (usual, own) = self.of_links.split_at_mut(n);
@@ -59,6 +70,12 @@ impl Margins {
         };
         let motion = DistanceRate { rate: motion.rate - rate, bias: motion.bias - change };
         (pair.distance - margin, motion)
+    }
+
+    /// How much a plan is followed that knows what rests around it, from 0 to 1.
+    #[inline]
+    pub fn by_plan(&self) -> f64 {
+        self.by_plan
     }
 
     /// What is kept usually \[m\].

@@ -82,8 +82,9 @@ impl Barrier {
         let Pace { most, velocity, drift, column, .. } = *pace;
         let n = self.nominal.len();
         interrupt::checkpoint(24 * n);
+        let rate = self.rates().resting;
         let later = |ddq: &dyn Fn(usize) -> f64| {
-            velocity + (0..n).fold(drift, |sum, i| sum + column(i) * ddq(i)) / self.rate
+            velocity + (0..n).fold(drift, |sum, i| sum + column(i) * ddq(i)) / rate
         };
         let way = match toward {
             Toward::Desired(Some(_)) => later(&|i| self.present[i]),
@@ -99,21 +100,21 @@ impl Barrier {
         let start = self.normals.len();
         self.normals.extend((0..n).map(|i| way.dot(&column(i))));
         let (left, drift) = (most - way.dot(&velocity), way.dot(&drift));
-        let Self { rate, present, normals, scratch, .. } = self;
+        let Self { present, normals, scratch, .. } = self;
         let normal = &normals[start..];
         let upper = match toward {
             Toward::Desired(Some(range)) | Toward::Found(Some(range)) => {
                 robot.mass_solve(normal, scratch);
                 let jerk = TorqueRange::braking_jerk(range.jerk(normal, scratch));
                 let next = range.period * (dot(normal, present) + drift);
-                TorqueRange::most_acceleration(left - next, jerk, *rate)
+                TorqueRange::most_acceleration(left - next, jerk, rate)
             }
-            _ => *rate * left,
+            _ => rate * left,
         };
         let excess = dot(normal, &self.nominal) + drift - upper;
         if is_found {
             let found = excess + dot(normal, self.program.x());
-            let most = SLIGHTLY * self.rate * most;
+            let most = SLIGHTLY * rate * most;
             if found <= (1.0 + SLIGHTLY) * self.beyond(pace.turns) + most {
                 self.normals.truncate(start);
                 return false;

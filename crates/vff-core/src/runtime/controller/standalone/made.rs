@@ -104,8 +104,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         (self.sets_points, self.are_points_over) = (limits.is_some(), false);
         self.placed.fill(None); // on a clock that may be another one
         // A plan that is followed was made within them, and what stands around is counted in it.
-        let free = !self.followed.as_ref().is_some_and(|followed| followed.has_plans());
-        let moved = limits.filter(|_| free).cloned();
+        let moved = limits.cloned();
         self.reset_with(self.controller.gains().clone().moved_within(moved));
         if let Some(followed) = &mut self.followed {
             followed.limit(limits);
