@@ -120,6 +120,20 @@ def test_a_fast_plan_is_followed(seed: int, avoidance: str) -> None:
     assert (np.abs(run.dq).max(axis=0) <= 1.01 * np.array(PANDA.velocity_limits)).all()
 
 
+@pytest.mark.parametrize("more", [{}, {"torque_rate": 1000.0}])
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_no_more_of_a_speed_is_planned_than_the_law_keeps(seed: int, more: dict[str, Any]) -> None:
+    """A robot ends a motion that comes to a limit, so the law keeps 85 % of the speed of the tip."""
+    law = {"stiffness": 100.0, "damping": 20.0, "posture_stiffness": 20.0}
+    command = {"gravity": "robot", "tip_speed": 0.8, **more}
+    scene, goal = between(seed, (0.2, 0.8), command=command, **law)
+    plan = vff.plan(scene, goal, speed=0.97)
+    assert plan.status == "found"
+    run = vff.simulate({**scene, "reference": plan.reference, "duration": np.ceil(plan.duration) + 1.0})
+    assert 0.83 < run.metrics.tip_speed_ratio < 0.87
+    assert np.linalg.norm(run.error[:, :3], axis=1).max() < 2e-3
+
+
 class Ideal(Still):
     """Keeps what it was sent."""
 

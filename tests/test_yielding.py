@@ -259,3 +259,49 @@ def test_settings_with_tables_can_be_used(tables: dict[str, Any]) -> None:
     scenario = vff.Scenario.load("sweep-through").replace(duration=0.01, controller=settings)
     assert scenario["controller"] == settings.to_dict()
     assert vff.simulate(scenario).status == "completed"
+
+
+def test_slack_is_that_of_the_torque_that_is_sent() -> None:
+    """In predictor mode that of the law in the middle of the period, as one that is asked there says."""
+    arm = vff.Arm.uniform(3)
+    start = [0.5, 0.6, 0.7]
+    scenario = vff.Scenario.from_dict(
+        {
+            "duration": 3.0,
+            "q0": start,
+            "arm": arm.to_dict(),
+            "reference": {"kind": "setpoint", "point": arm.forward_kinematics(start)[-1].tolist()},
+            "controller": {
+                "stiffness": 100.0,
+                "damping": 20.0,
+                "null_damping": 6.0,
+                "avoidance": "cbf",
+                "yielding": {"margin": 0.1, "rate": 5.0, "slack_weight": 50.0},
+                "deadline": "unlimited",
+            },
+            "simulation": {"control": "predictor", "control_every": 30, "record_every": 1},
+            "obstacles": [
+                {
+                    "shape": {"kind": "circle", "radius": 0.2},
+                    "position": [2.6, 1.0],
+                    "motion": {"kind": "linear", "velocity": [-0.6, 0.4]},
+                }
+            ],
+        }
+    )
+    run, law = vff.simulate(scenario), vff.Controller(scenario.arm, scenario["controller"])
+
+    def asked(i: int) -> float:
+        state = run.q[i], run.dq[i], run.x_ref[i]
+        slack = law.terms(*state, obstacles=scenario["obstacles"], t=run.t[i]).slack
+        assert slack is not None
+        return slack
+
+    begins = range(0, len(run.t) - 30, 30)
+    recorded, begin, middle = (
+        np.array([of(i) for i in begins]) for of in (lambda i: run.slack[i], asked, lambda i: asked(i + 15))
+    )
+    changes = np.abs(middle - begin) > 0.01
+    assert changes.sum() > 20
+    off = np.abs(recorded - middle)[changes] / np.abs(middle - begin)[changes]
+    assert np.median(off) < 0.1

@@ -34,6 +34,7 @@ pub mod task;
 pub mod torque_range;
 pub mod virtual_forces;
 
+pub(crate) use avoidance::barrier::speed_shares;
 pub use avoidance::preview::SelfMotionMap;
 pub use controller::{Controller, ReactiveController};
 pub use deadline::{Budget, Deadline, LeftOut};

@@ -8,7 +8,7 @@ use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use super::motion::{
     Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, leads_upright, ranges_of,
 };
-use crate::control::{MotionLimits, SelfCollision};
+use crate::control::{MotionLimits, SelfCollision, speed_shares};
 use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
 use crate::math::{Pose, ScalarOrVec, Vector};
@@ -312,6 +312,7 @@ where
             arm: Arc::clone(&self.arm),
             world: moment.world.clone(),
             command: moment.law.command.clone(),
+            kept: speed_shares(&moment.law.command, moment.law.observer.is_some()),
             keeps_apart: moment.law.self_collision != SelfCollision::Ignore,
             goal: Goal::Pose(self.goal),
             start: moment.q.to_vec(),

@@ -89,14 +89,20 @@ impl Reserve {
     /// What the arm carries is not known, so that an acceleration is off by what the observer does not know yet.
     const WITH_A_LOAD: Self = Self { angle: 0.03, joint: 0.9, tip: 0.8 };
 
-    fn of<const M: usize>(gains: &Gains<M>) -> Self {
-        match (gains.command.gravity, &gains.command.torque_rate) {
+    fn of(command: &CommandSettings, is_observed: bool) -> Self {
+        match (command.gravity, &command.torque_rate) {
             (Gravity::Controller, None) => Self::USUAL,
-            _ if gains.observer.is_some() => Self::WITH_A_LOAD,
+            _ if is_observed => Self::WITH_A_LOAD,
             (Gravity::Robot, _) => Self::BEFORE_A_ROBOT,
             (Gravity::Controller, Some(_)) => Self::BEHIND_A_RATE,
         }
     }
+}
+
+/// Shares of the largest speeds of joints and of the tip that a law keeps, so that a plan asks for no more.
+pub fn speed_shares(command: &CommandSettings, is_observed: bool) -> [f64; 2] {
+    let Reserve { joint, tip, .. } = Reserve::of(command, is_observed);
+    [joint, tip]
 }
 
 /// How near pairs are constraints of the QP \[m\] in a space of dimension `D`.
@@ -198,7 +204,7 @@ impl Barrier {
         let settings = &gains.yielding;
         let CommandSettings { tip_speed, tip_angular_speed, .. } = gains.command;
         let n = robot.dof();
-        let reserve = Reserve::of(gains);
+        let reserve = Reserve::of(&gains.command, gains.observer.is_some());
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
             program: QuadraticProgram::sparing(

@@ -19,7 +19,7 @@ mod tree;
 mod why;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
-use crate::control::{CommandSettings, Gravity, SelfCollision};
+use crate::control::{CommandSettings, Gravity, SelfCollision, speed_shares};
 use crate::interrupt;
 use crate::inverse_kinematics::{Residual, Solver};
 use crate::math::{Noise, ScalarOrVec, whole_turns};
@@ -181,7 +181,8 @@ where
     hide_unseen(&mut world, &scenario.contacts);
     world.know_links(&arm.link_names());
     let command = scenario.controller.command.clone();
-    Task::<S, D, M> { arm, world, keeps_apart, command, goal, start }.plan(settings)
+    let kept = speed_shares(&command, scenario.controller.observer.is_some());
+    Task::<S, D, M> { arm, world, keeps_apart, command, kept, goal, start }.plan(settings)
 }
 
 /// A joint that slides needs an end, as random configurations are between its ends.
@@ -216,6 +217,8 @@ pub(super) struct Task<S: System<D, M>, const D: usize, const M: usize> {
     pub keeps_apart: bool,
     /// What the law that will follow sends to the robot.
     pub command: CommandSettings,
+    /// The shares of the largest speeds of joints and of the tip that it keeps.
+    pub kept: [f64; 2],
     pub goal: Goal<S::Pose>,
     /// Where the joints are \[rad or m\].
     pub start: Vec<f64>,
@@ -230,7 +233,7 @@ where
     /// # Errors
     /// If limits make it take too long.
     pub fn plan(&self, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
-        let Self { arm, world, keeps_apart, command, goal, start } = self;
+        let Self { arm, world, keeps_apart, command, kept, goal, start } = self;
         let PlanSettings { time, horizon, margin, .. } = *settings;
         let window = Some(Window { start: time, duration: horizon });
         let mut space = FreeSpace::new(arm.state(), world, window, *keeps_apart, margin);
@@ -242,6 +245,7 @@ where
             settings,
             start: start.clone(),
             command,
+            kept: *kept,
             noise: Noise::new(settings.seed, STREAM),
         };
         match goal {

@@ -27,6 +27,8 @@ pub(super) struct Planner<'a, S: SpaceTypes<D>, const D: usize> {
     pub start: Vec<f64>,
     /// What the law that will follow sends to the robot.
     pub command: &'a CommandSettings,
+    /// The shares of the largest speeds of joints and of the tip that it keeps.
+    pub kept: [f64; 2],
     pub noise: Noise,
 }
 

@@ -120,6 +120,7 @@ where
             return Ok(Err(too_tight()));
         };
         let share = self.settings.speed;
+        let [of_joints, of_tip] = self.kept.map(|kept| share.min(kept));
         let shares = |of: &dyn Fn(usize) -> f64| (0..n).map(|i| share * of(i)).collect();
         let any = |given: &Option<ScalarOrVec>| {
             given.as_ref().map_or(vec![], |given| shares(&|i| given.get(i)))
@@ -127,13 +128,15 @@ where
         let usual = ScalarOrVec::Uniform(MAX_ACCELERATION[D - 2]);
         let acceleration = self.settings.acceleration.as_ref().unwrap_or(&usual);
         let bounds = Bounds {
-            speed: shares(&|i| limits.velocity.get(i).copied().unwrap_or(MAX_SPEED)),
+            speed: (0..n)
+                .map(|i| limits.velocity.get(i).map_or(share * MAX_SPEED, |most| of_joints * most))
+                .collect(),
             acceleration: shares(&|i| acceleration.get(i)),
             jerk: any(&self.settings.jerk),
             torque: limits.torque.iter().map(|most| TORQUE * most).collect(),
             rate: any(&self.command.torque_rate),
             tip: [self.command.tip_speed, self.command.tip_angular_speed]
-                .map(|most| most.map_or(f64::INFINITY, |most| share * most)),
+                .map(|most| most.map_or(f64::INFINITY, |most| of_tip * most)),
         };
         let accelerates = self.settings.acceleration.is_some();
         let too_slow =

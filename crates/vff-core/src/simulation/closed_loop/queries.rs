@@ -79,9 +79,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         &self.stack.controller
     }
 
+    /// The controller whose torque is sent: in predictor mode the one that is asked for the middle of the control period (T33).
+    pub(super) fn sender(&self) -> &Controller<S::State, D, M> {
+        &self.foresight.as_ref().unwrap_or(&self.stack).controller
+    }
+
     /// What was left out so far, in the order of [`LeftOut::named`](crate::control::LeftOut::named); None of what there is not.
     pub fn left_out(&self) -> [Option<u64>; 5] {
-        let controller = self.controller();
+        let controller = self.sender();
         let [is_limited, looks_ahead] = controller.is_limited();
         let (ahead, keeps) = (is_limited && looks_ahead, controller.slack().is_some());
         let is_there = [is_limited, ahead, ahead, keeps, controller.has_program()];
@@ -252,6 +257,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let tau_applied =
             self.output.as_ref().map_or_else(driven, |output_stage| &output_stage.acting);
         let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
+        let sender = self.sender();
         let (mut energy, mut power) = (controller.energy(), controller.power(acting));
         if let Some(truth) = &self.truth {
             [energy.kinetic, energy.gravitational] = truth.energy;
@@ -292,13 +298,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             touched_link: controller.touched_link(),
             contact_deviation: controller.contact_deviation(),
             contact_threshold: controller.contact_threshold(),
-            yielded: controller.yielded(),
-            released: controller.released(),
-            is_stopped: controller.is_stopped(),
+            yielded: sender.yielded(),
+            released: sender.released(),
+            is_stopped: sender.is_stopped(),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then_some(self_clearance),
             nearest_pair,
-            slack: controller.slack(),
+            slack: sender.slack(),
             yields: controller.yields(),
             manipulability,
             singular: space.singular,
