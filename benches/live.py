@@ -84,9 +84,7 @@ def opening(browser: Browser, name: str) -> tuple[float, float, float]:
 
 def look(browser: Browser, name: str, seconds: float) -> str:
     listens, opens, work = opening(browser, name)
-    scenario = vff.Scenario.load(name).replace(
-        duration=LONGEST
-    )  # a run that only is watched pauses at its end
+    scenario = vff.Scenario.load(name).replace(duration=LONGEST)
     page = vff.live(scenario, open_browser=False, block=False)
     try:
         tab, heard = opened(browser, page.url)

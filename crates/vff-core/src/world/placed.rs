@@ -394,7 +394,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         outlook: &Outlook<'_, D>,
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        let turning = turn.map_or(0.0, |turn| turn.spin.speed_at_most(self.geometry.reach()));
+        let turning = turn.map_or(0.0, |turn| turn.spin.magnitude() * self.geometry.reach());
         let speed = state.velocity.norm() + self.geometry.speed() + turning;
         let ahead = outlook.ahead(&pair, &S::body(link), (state, turn), speed);
         let Some(turn) = turn else {

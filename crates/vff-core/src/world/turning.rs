@@ -49,11 +49,6 @@ impl<const D: usize> Spin<D> {
         self.0 == Self::NONE.0
     }
 
-    /// A speed that no point is faster than which is `reach` \[m\] from the centre \[m/s\].
-    pub(super) fn speed_at_most(&self, reach: f64) -> f64 {
-        if self.is_none() { 0.0 } else { self.0.norm() * reach }
-    }
-
     /// How `r` changes while it turns: its velocity, if it is a point \[m/s\]; its rate, if it is a direction \[1/s\].
     #[inline]
     pub fn rate_of(&self, r: &Vector<D>) -> Vector<D> {

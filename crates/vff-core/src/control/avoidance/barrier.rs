@@ -174,8 +174,8 @@ pub(crate) struct Barrier {
     turning_weight: f64,
     /// See [`Yielding`].
     rate: f64,
-    /// The same before what moves and, without a plan, before all that the joints are moved from by other means than a torque (T201).
-    slow: f64,
+    /// The most that joints can keep that are moved by other means than a torque, before what moves and, without a plan, all else (T201).
+    most_rate: f64,
     /// What moves the joints, where that is no torque.
     moved: Option<MotionLimits>,
     slack_weight: f64,
@@ -229,7 +229,7 @@ impl Barrier {
             planes: vec![],
             turning_weight: 0.0,
             rate: rate(settings),
-            slow: rate(settings),
+            most_rate: f64::INFINITY,
             moved: None,
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
@@ -247,7 +247,7 @@ impl Barrier {
 
     /// Keeps distances as a way does that reacts with `rate` \[1/s\].
     pub fn reacting_with(mut self, rate: f64) -> Self {
-        (self.rate, self.slow) = (rate, rate);
+        self.rate = rate;
         self
     }
 
@@ -255,7 +255,7 @@ impl Barrier {
     pub fn moved_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
         self.moved.clone_from(&gains.moved);
         if let Some(moved) = &self.moved {
-            self.slow = self.rate.min(moved.barrier_rate());
+            self.most_rate = moved.barrier_rate();
             self.joints.move_within(moved);
         }
         self
@@ -300,8 +300,8 @@ impl Barrier {
 
     /// The rates k with which distances are kept \[1/s\].
     fn rates(&self) -> Rates {
-        let Self { rate, slow, margins, .. } = self;
-        Rates { resting: slow + margins.by_plan() * (rate - slow), moving: *slow }
+        let moving = self.rate.min(self.most_rate);
+        Rates { resting: moving + self.margins.by_plan() * (self.rate - moving), moving }
     }
 
     /// What it reckons with where points of links move at this velocity, and where points that are left out are counted.

@@ -26,27 +26,22 @@ pub struct Margins {
 impl Margins {
     /// Those of `settings`, for `n` links.
     pub fn new(n: usize, settings: &Yielding) -> Self {
-        let mut this = Self {
-            usual: settings.margin,
-            of_links: vec![[0.0; 3]; 2 * n],
-            own: OWN,
-            by_plan: 0.0,
-        };
+        let (usual, of_links) = (settings.margin, vec![[0.0; 3]; 2 * n]);
+        let mut this = Self { usual, of_links, own: OWN, by_plan: 0.0 };
         this.go_to(None);
         this
     }
 
     /// Goes to where a plan is at `pace`; without one, or where it says nothing, to those of the settings.
     pub fn go_to(&mut self, plan: Option<(&JointSpline, &Pace)>) {
-        let says = |(joints, pace): (&JointSpline, &Pace)| {
-            joints.margins().map_or(1.0, |kept| kept.share(pace.time))
-        };
-        self.by_plan = plan.map_or(0.0, says);
-        let known = plan.and_then(|(joints, pace)| Some((joints.margins()?, pace)));
-        if let Some((kept, pace)) = known {
+        if let Some((joints, pace)) = plan
+            && let Some(kept) = joints.margins()
+        {
+            self.by_plan = kept.share(pace.time);
             kept.at(pace, self.usual, &mut self.of_links);
             self.own = OWN_ALONG_PLAN + (1.0 - self.by_plan) * (OWN - OWN_ALONG_PLAN);
         } else {
+            self.by_plan = f64::from(plan.is_some());
             let n = self.of_links.len() / 2;
             let (usual, own) = self.of_links.split_at_mut(n);
             usual.fill([self.usual, 0.0, 0.0]);

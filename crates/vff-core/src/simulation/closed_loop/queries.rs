@@ -80,7 +80,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// The controller whose torque is sent: in predictor mode the one that is asked for the middle of the control period (T33).
-    pub(super) fn sender(&self) -> &Controller<S::State, D, M> {
+    fn sender(&self) -> &Controller<S::State, D, M> {
         &self.foresight.as_ref().unwrap_or(&self.stack).controller
     }
 
