@@ -66,6 +66,27 @@ def test_it_is_the_closed_loop() -> None:
     assert np.abs(q - result.q[-1]).max() < 5e-3
 
 
+@pytest.mark.parametrize("avoidance", ["cbf", "null_space"])
+@pytest.mark.parametrize("task", ["pose", "position"])
+@pytest.mark.parametrize("stiffness", [10.0, 100.0])
+def test_no_posture_lets_an_arm_swing(avoidance: str, task: str, stiffness: float) -> None:
+    """However stiff its spring is (T202), the arm comes to rest, and the hand stays where it is."""
+    panda = vff.Arm.named("panda")
+    posture = READY + np.array([0.8, -0.4, 0.6, 0.3, -0.7, 0.5, -0.6])
+    settings = vff.ControlSettings(
+        task=task, stiffness=900.0, damping=60.0, null_damping=6.0, posture=list(posture),
+        posture_stiffness=stiffness, avoidance=avoidance, deadline="unlimited",
+    )  # fmt: skip
+    arm = vff.VirtualArm(vff.Controller(panda, settings), READY, PERIOD, acceleration=4.0, jerk=200.0)
+    place, turn = panda.pose(READY)
+    target = np.r_[place, turn] if task == "pose" else place
+    points = [arm.step(PERIOD * k, target) for k in range(8000)]
+    hand = [panda.pose(q)[0] for q, *_ in points[::20]]
+    assert np.linalg.norm(np.array(hand) - place, axis=1).max() < 3e-3
+    assert np.ptp([q for q, *_ in points[-1000:]], axis=0).max() < 2e-3
+    assert np.abs(points[-1][0] - READY).max() > 0.1  # it has gone somewhere
+
+
 def test_a_robot_that_is_held() -> None:
     """It parts from its set point, which comes back to it within the limits; let go, it goes on."""
     arm, target, points = virtual(), away(), []

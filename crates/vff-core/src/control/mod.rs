@@ -29,6 +29,7 @@ pub mod quadratic_program;
 pub mod reaction;
 pub mod sampling;
 pub mod settings;
+mod soft_posture;
 pub mod tank;
 pub mod task;
 pub mod torque_range;

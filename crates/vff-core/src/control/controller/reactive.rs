@@ -13,7 +13,7 @@ use crate::control::output::write_ends;
 use crate::control::reaction::Reaction;
 use crate::control::{
     Formulation, Gains, Gravity, Law, OperationalSpace, Output, Tank, Torque, TorqueRange,
-    VirtualForces, extended_jacobian, task,
+    VirtualForces, extended_jacobian, soft_posture, task,
 };
 use crate::interrupt;
 use crate::math::{Pose, Vector, dot};
@@ -421,7 +421,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).
     fn gather_secondary(&mut self) {
-        let Self { robot, space, gains, law, repulsion, tau_sec, .. } = self;
+        let Self { robot, space, gains, law, repulsion, tau_sec, parts, .. } = self;
         repulsion.copy_from_slice(self.forces.torque());
         if let Some(field) = &gains.joint_limit_field {
             self.joint_limit_potential = limits::add_joint_limit_torque(
@@ -439,7 +439,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             self.scaling = (self.share - 1.0) * injected;
             tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
         }
-        gains.add_posture_torque(robot.configuration(), tau_sec);
+        let Parts { task, posture, .. } = parts;
+        let on_plan = self.moving.as_ref().is_some_and(|moving| moving.is_along());
+        soft_posture::add_torque(robot, gains, on_plan, [task, posture], tau_sec);
         if let Some(moving) = self.moving.as_mut().filter(|moving| moving.has_moved()) {
             moving.update_torque(robot, gains, law.brake);
             tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
@@ -456,7 +458,6 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         let Self { robot, space, gains, parts, law, ends, .. } = self;
         let dq = robot.velocity();
         let Parts { posture, task, damping, avoidance, .. } = parts;
-        robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
         // N q̇, its momentum, and D_q N q̇, with two of the parts as workspaces.
         space.pinv_mul(&space.dx, posture);
         posture.iter_mut().zip(dq).for_each(|(v, dq)| *v = dq - *v);
@@ -464,7 +465,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         gains.null_damping.scale_momentum(robot, law.brake, posture, damping, avoidance);
         damping.iter_mut().for_each(|tau| *tau = -*tau);
         posture.fill(0.0);
-        gains.add_posture_torque(robot.configuration(), posture);
+        let on_plan = self.moving.as_ref().is_some_and(|moving| moving.is_along());
+        soft_posture::add_torque(robot, gains, on_plan, [task, avoidance], posture);
+        robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
         if let Some(moving) = &self.moving {
             posture.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
         }
