@@ -4,6 +4,7 @@
 //! as it is measured to be, and no point of it can go farther in half of the motion than its joints carry it. Where that
 //! is less, the whole half is free; otherwise it is halved again (T119). What is kept may depend on where the arm is (T150).
 
+use super::around::{Around, Window};
 use super::levers::{Jointed, Levers, Twist};
 use super::margins::{APART, Margins};
 use super::tilt::Tilt;
@@ -12,7 +13,8 @@ use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::Vector;
-use crate::world::{CollisionQuery, ObstacleBoxes, ObstacleGeometry, PairMargin, World};
+use crate::robot::Robot;
+use crate::world::{CollisionQuery, ObstacleGeometry, PairMargin, World};
 use foldhash::fast::FixedState;
 use std::collections::{HashMap, VecDeque};
 
@@ -25,13 +27,8 @@ const COARSEST: f64 = 5e-3;
 const FINEST_SHARE: f64 = 2e-4;
 /// A motion that needs shorter parts than this share of it counts as blocked.
 pub const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
-/// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
-const STRIDE: f64 = 0.04;
 /// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
 const LEAST_ASKED: f64 = 1e-6;
-/// The most of these places.
-const MAX_PLACES: f64 = 64.0;
-
 /// What stands in the way of an arm, and the arm.
 #[derive(Debug, Clone)]
 pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
@@ -65,63 +62,18 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     blocker: Option<Two>,
     /// The normals of the planes that told hulls apart last.
     planes: HashMap<Two, Vector<D>, FixedState>,
+    /// How far the pairs of its own bodies were apart where they were looked at last.
+    own: Vec<OwnRoom>,
 }
 
-/// Obstacles at an instant.
+/// How far two bodies of the arm were apart at least \[m\] where the joints were `at` \[rad or m\], and how they are numbered.
 #[derive(Debug, Clone)]
-struct Around<S: ObstacleGeometry<D>, const D: usize> {
-    world: World<S, D>,
-    boxes: ObstacleBoxes<D>,
-    /// Their numbers, before they were parted.
-    numbers: Vec<usize>,
-    /// How far they go between two instants at which they are looked for, at most half of it \[m\].
-    slack: f64,
-}
-
-impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
-    fn new(world: World<S, D>, numbers: &[usize], slack: f64) -> Self {
-        Self { boxes: world.boxes(), world, numbers: numbers.to_vec(), slack }
-    }
-
-    /// Obstacles of `world` that move, at the instants at which they are looked for from one time to another \[s\], in a ball around the arm.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at least 1, and few"
-    )]
-    fn passing(
-        world: &World<S, D>,
-        moving: &[usize],
-        [start, end]: [f64; 2],
-        (center, radius): (Vector<D>, f64),
-    ) -> Vec<Self> {
-        let duration = end - start;
-        // Those that are looked for equally often go together, but for what goes too far from one place to the next.
-        let mut groups: Vec<(u32, f64, Vec<usize>)> = vec![];
-        for j in moving {
-            let speed = world.top_speed(*j, [start, end], center, radius);
-            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES) as u32;
-            match groups
-                .iter_mut()
-                .find(|group| group.0 == places && f64::from(places) < MAX_PLACES)
-            {
-                Some((_, fastest, group)) => {
-                    *fastest = fastest.max(speed);
-                    group.push(*j);
-                }
-                None => groups.push((places, speed, vec![*j])),
-            }
-        }
-        let places = groups.into_iter().flat_map(|(places, speed, group)| {
-            let stride = duration / f64::from(places);
-            (0..places).map(move |k| {
-                let mut there = world.only(group.iter().copied());
-                there.update(start + stride * (f64::from(k) + 0.5));
-                Self::new(there, &group, 0.5 * stride * speed)
-            })
-        });
-        places.collect()
-    }
+struct OwnRoom {
+    two: Two,
+    from: Option<usize>,
+    link: usize,
+    at: Vec<f64>,
+    apart: f64,
 }
 
 /// Two that must not come too near to each other.
@@ -153,13 +105,26 @@ struct Near {
 /// The two ends of a motion that is certified.
 type Ends<'a> = [&'a [f64]; 2];
 
-/// From when to when things that move are looked for \[s\].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
-    /// The beginning.
-    pub start: f64,
-    /// How long, ≥ 0; 0 takes them for standing still. None: only what rests at the beginning is there.
-    pub duration: Option<f64>,
+/// Of two bodies of an arm, the still ones counted behind the others, the one that moves as the other sees it, and the link that carries
+/// the other.
+fn moving<R: Robot<D>, const D: usize>(robot: &R, [a, b]: [usize; 2]) -> (usize, Option<usize>) {
+    let link = |i: usize| (i < robot.body_count()).then(|| robot.body(i).link);
+    // The base, None, is before all links.
+    if link(a) < link(b) { (b, link(a)) } else { (a, link(b)) }
+}
+
+impl OwnRoom {
+    fn unknown<R: Robot<D>, const D: usize>(robot: &R, pair: [usize; 2]) -> Self {
+        let (body, from) = moving(robot, pair);
+        let link = robot.body(body).link;
+        Self {
+            two: Two::Own(pair),
+            from,
+            link,
+            at: vec![0.0; robot.dof()],
+            apart: f64::NEG_INFINITY,
+        }
+    }
 }
 
 impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
@@ -185,6 +150,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let still = Around::new(world.only(standing.iter().copied()), &standing, 0.0);
         let passing = Around::passing(world, &others, [start, start + duration], ball);
         let n = robot.dof();
+        let own = robot.body_pairs().filter(|_| keeps_apart);
+        let own = own.map(|pair| OwnRoom::unknown(&robot, pair)).collect();
         let most_own = world.most_margin();
         let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
@@ -205,6 +172,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             near: vec![],
             blocker: None,
             planes: HashMap::default(),
+            own,
         }
     }
 
@@ -261,9 +229,9 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// far the nearest is.
     pub fn room(&mut self, q: &[f64]) -> (Vec<f64>, f64) {
         let (mut own, asked) = (vec![], self.asked);
-        let mut room = self.usual_room_within(q, f64::INFINITY, |link, margin, distance| {
-            own.push((link, margin.share(asked), distance));
-        });
+        self.limits.fill(f64::INFINITY);
+        self.measure(q, |link, margin, distance| own.push((link, margin.share(asked), distance)));
+        let mut room = self.clearance.clone();
         let mut clearance = room.iter().copied().fold(f64::INFINITY, f64::min);
         for (link, share, distance) in own {
             clearance = clearance.min(distance);
@@ -272,17 +240,41 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         (room, clearance)
     }
 
-    /// How far each link of the arm at `q` is from that outside from which it keeps the usual margin \[m\], where that is less than
-    /// `limit`; otherwise ∞. Of other pairs `own` is told.
-    pub fn usual_room_within(
+    /// How far each link of the arm at `q` is at least from that outside from which it keeps the usual margin \[m\], less by rounding alone
+    /// where it touches nothing; `limit` where that is farther. Of other pairs `own` is told.
+    pub fn usual_room_at_least(
         &mut self,
         q: &[f64],
         limit: f64,
-        own: impl FnMut(usize, PairMargin, f64),
+        mut own: impl FnMut(usize, PairMargin, f64),
     ) -> Vec<f64> {
-        self.limits.fill(limit);
-        self.measure(q, own);
-        self.clearance.clone()
+        let Self { robot, worlds, planes, .. } = self;
+        robot.update_positions(q);
+        let mut room = vec![limit; q.len()];
+        for (number, Around { world, boxes, slack, .. }) in worlds.iter_mut().enumerate() {
+            let slack = *slack;
+            interrupt::checkpoint((32 + world.len()) * robot.body_count());
+            for (i, body) in robot.bodies().enumerate() {
+                let link = body.link;
+                world.for_each_own_margin(&body, |margin, d| own(link, margin, d - slack));
+                let mut least = room[link] + slack;
+                world.for_each_within(boxes, &body, least, |world, obstacle| {
+                    if !world.margin_of(obstacle, &body).is_own() {
+                        let two = Two::Obstacle { body: i, world: number, obstacle };
+                        let plane = planes.entry(two).or_insert_with(Vector::zeros);
+                        least = least.min(world.at_least(obstacle, &body, least, plane));
+                    }
+                    least
+                });
+                room[link] = room[link].min(least - slack);
+            }
+        }
+        room
+    }
+
+    /// Whether bodies of the arm must not touch each other.
+    pub fn keeps_apart(&self) -> bool {
+        self.keeps_apart
     }
 
     /// Whether some pairs have margins of their own.
@@ -427,7 +419,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             self.move_to(ends, at);
             let first = near.len();
             for k in asked {
-                match self.look(near[k], half) {
+                match self.look(near[k], half).0 {
                     Look::Blocked => return Some(near[k].two),
                     Look::Near if half < SHORTEST => return Some(near[k].two),
                     Look::Near => near.push(near[k]),
@@ -452,7 +444,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     }
 
     /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
-    fn look(&mut self, near: Near, half: f64) -> Look {
+    fn look(&mut self, near: Near, half: f64) -> (Look, f64) {
         let Near { two, body, from, way, bend, drift, share } = near;
         let Self { robot, worlds, margins, reach, middle, planes, twists, .. } = self;
         let body = robot.body(body);
@@ -480,7 +472,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let room = distance - slack - keeps;
         let is_clear = room >= 0.0; // false for NaN
         if !is_clear {
-            return Look::Blocked;
+            return (Look::Blocked, distance);
         }
         // Along the normal of the plane they come no nearer than that (T195), and anyhow no nearer than they go (T119).
         let straight = if stands && plane.norm_squared() > 0.0 {
@@ -490,9 +482,9 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         };
         let change = drift + straight.min(way * half);
         if room >= change || change + RESOLUTION * drift <= self.resolution(keeps) {
-            Look::Apart
+            (Look::Apart, distance)
         } else {
-            Look::Near
+            (Look::Near, distance)
         }
     }
 
@@ -500,7 +492,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// last one is asked first.
     fn first_look(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         if let Some(two) = self.blocker
-            && self.look(self.near(two, ends), 0.5) == Look::Blocked
+            && self.look(self.near(two, ends), 0.5).0 == Look::Blocked
         {
             return Some(two);
         }
@@ -527,12 +519,29 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             }
         }
         self.worlds = worlds;
-        if self.keeps_apart {
-            candidates.extend(self.robot.body_pairs().map(Two::Own));
-        }
         for two in candidates {
             let seen = self.near(two, ends);
-            match self.look(seen, 0.5) {
+            match self.look(seen, 0.5).0 {
+                Look::Blocked => return Some(two),
+                Look::Near => near.push(seen),
+                Look::Apart => {}
+            }
+        }
+        let keeps = self.apart_at(&self.middle);
+        let drift = 0.5 * self.margins.apart_change(ends, &self.reach);
+        for k in 0..self.own.len() {
+            let OwnRoom { two, from, link, ref at, apart, .. } = self.own[k];
+            let half = 0.5 * self.reach.way(ends, from, link);
+            // No nearer than it has come since then.
+            let gone = self.reach.way([at, &self.middle], from, link);
+            if apart - gone >= keeps + drift + half {
+                continue;
+            }
+            let seen = self.near(two, ends);
+            let (look, apart) = self.look(seen, 0.5);
+            self.own[k].at.copy_from_slice(&self.middle);
+            self.own[k].apart = apart;
+            match look {
                 Look::Blocked => return Some(two),
                 Look::Near => near.push(seen),
                 Look::Apart => {}
@@ -543,14 +552,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Two, and how far one of them goes in a motion.
     fn near(&self, two: Two, ends: Ends<'_>) -> Near {
-        let link = |i: usize| (i < self.robot.body_count()).then(|| self.robot.body(i).link);
         let (body, from) = match two {
             Two::Obstacle { body, .. } => (body, None),
-            // The base, None, is before all links.
-            Two::Own([a, b]) if link(a) < link(b) => (b, link(a)),
-            Two::Own([a, b]) => (a, link(b)),
+            Two::Own(pair) => moving(&self.robot, pair),
         };
-        let to = link(body).unwrap_or(0);
+        let to = self.robot.body(body).link;
         let (way, bend) = (self.reach.way(ends, from, to), self.reach.bend(ends, from, to));
         let (drift, share) = match two {
             Two::Obstacle { world, obstacle, .. } => {

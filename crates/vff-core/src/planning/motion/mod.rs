@@ -3,6 +3,7 @@
 //! A path is searched by two trees of configurations (`tree`) among those that touch nothing (`free_space`), shortened,
 //! rounded (`curve`), and gone along as fast as the joints allow (`time_law`). The same seed gives the same motion.
 
+mod around;
 mod curve;
 mod free_space;
 mod goals;
@@ -33,8 +34,9 @@ use crate::settings::{FINITE, NOT_NEGATIVE, POSITIVE};
 use crate::simulation::{SpaceTypes, System, hide_unseen};
 use crate::trajectory::{Guided, JointSpline, Knots, Peaks, Trajectory};
 use crate::world::World;
+use around::Window;
 use curve::Curve;
-use free_space::{FreeSpace, Window};
+use free_space::FreeSpace;
 pub use levers::Jointed;
 use margins::{APART, End, Margins, SHARE};
 pub use plan::{Plan, PlanSettings, PlanStatus};

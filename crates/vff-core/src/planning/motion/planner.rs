@@ -361,7 +361,7 @@ where
             // What is measured in the middle says more, where there is more room than was asked for.
             let mut own = vec![];
             let room =
-                self.space.usual_room_within(&middle[0], MOST_KEPT, |link, margin, distance| {
+                self.space.usual_room_at_least(&middle[0], MOST_KEPT, |link, margin, distance| {
                     own.push((link, margin, distance));
                 });
             let space = &self.space;
@@ -370,7 +370,7 @@ where
                 let measured = measured - way[0].max(way[1]);
                 (space.certain(kept + bulges[link]).max(measured) - bulges[link]).max(0.0)
             };
-            let usual = (0..n).map(|link| certain(link, kept[link], room[link].min(MOST_KEPT)));
+            let usual = (0..n).map(|link| certain(link, kept[link], room[link]));
             pieces[0].push(usual.collect());
             let mut shares = vec![1.0_f64; n];
             for (link, margin, distance) in own {

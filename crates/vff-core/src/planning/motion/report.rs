@@ -3,6 +3,13 @@
 use super::planner::{Certified, Planner};
 use super::*;
 
+/// Instants at which a motion is looked at between knot `k` and the next \[s\].
+fn instants(spline: &JointSpline, k: usize) -> impl Iterator<Item = f64> + use<> {
+    let [from, to] = [k, k + 1].map(|k| spline.times()[k]);
+    let share = |k: u32| f64::from(k) / f64::from(2 * CHECKS);
+    (0..=2 * CHECKS).map(move |k| from + share(k) * (to - from))
+}
+
 impl<S: SpaceTypes<D>, const D: usize> Planner<'_, S, D>
 where
     S::State: Jointed<D>,
@@ -47,14 +54,11 @@ where
             plan.dq.extend_from_slice(&state[1]);
             plan.ddq.extend_from_slice(&state[2]);
         }
+        plan.clearance = self.clearance_of(&spline, &margins);
         let mut through: Option<(f64, [String; 2], f64)> = None;
-        for pair in spline.times().windows(2) {
-            for k in 0..=2 * CHECKS {
-                let share = f64::from(k) / f64::from(2 * CHECKS);
-                let t = pair[0] + share * (pair[1] - pair[0]);
+        if plan.tilt.is_some() || !self.space.keeps_apart() {
+            for t in (0..spline.times().len() - 1).flat_map(|k| instants(&spline, k)) {
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
-                let nearer = self.space.clearance_within(&state[0], plan.clearance);
-                plan.clearance = plan.clearance.min(nearer);
                 plan.tilt = plan.tilt.map(|most| most.max(self.space.tilt_at(&state[0])));
                 if let Some((depth, links)) = self.space.passed_through(&state[0])
                     && through.as_ref().is_none_or(|(most, ..)| depth > *most)
@@ -86,6 +90,31 @@ where
             );
         }
         plan
+    }
+
+    /// How near the arm comes to everything outside \[m\], of which links are certain to keep these `margins` around knots: what may come
+    /// nearest is looked at first, and what cannot come nearer not at all.
+    fn clearance_of(&mut self, spline: &JointSpline, margins: &[Vec<f64>]) -> f64 {
+        let most = |(a, b): (&f64, &f64)| a.max(*b);
+        let least = |rows: &[Vec<f64>]| {
+            rows[0].iter().zip(&rows[1]).map(most).fold(f64::INFINITY, f64::min)
+        };
+        let mut pieces: Vec<(f64, usize)> =
+            margins.windows(2).map(least).enumerate().map(|(k, kept)| (kept, k)).collect();
+        pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let others = self.space.has_own_margins();
+        let (mut clearance, mut state) =
+            (f64::INFINITY, [0; 3].map(|_| vec![0.0; self.start.len()]));
+        for (kept, k) in pieces {
+            if kept > clearance && !others {
+                break;
+            }
+            for t in instants(spline, k) {
+                spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+                clearance = clearance.min(self.space.clearance_within(&state[0], clearance));
+            }
+        }
+        clearance
     }
 
     /// Where less than the margin is kept, as the end of a sentence.
