@@ -131,6 +131,21 @@ def test_nothing_is_infinitely_far() -> None:
     np.testing.assert_array_equal(terms(controller(), [nothing]).tau, alone.tau)
 
 
+@pytest.mark.parametrize("count", [1, 7])
+def test_clouds_of_nothing_change_nothing(count: int) -> None:
+    """Cameras that see nothing yet: what pushes together does so beside them, and look-ahead goes on."""
+    nothing = [vff.Obstacle.points(np.empty((0, 3)), 0.01)] * count
+    cloud = vff.Obstacle.points(BESIDE, 0.02)
+    field = {"field": vff.Field.bounded(gain=80.0, influence=0.3)}
+    alone, beside = (terms(controller(**field), [cloud, *more]) for more in ([], nothing))
+    assert np.abs(alone.tau_vff).max() > 1.0
+    np.testing.assert_array_equal(beside.tau, alone.tau)
+    crowd = vff.Scenario.load("iiwa-crowd").replace(duration=0.4)
+    few = [*crowd.to_dict()["obstacles"][:1], *(each.to_dict() for each in nothing)]
+    found, expected = (vff.simulate(crowd.replace(obstacles=given)) for given in (few, few[:1]))
+    np.testing.assert_array_equal(found.q, expected.q)
+
+
 @pytest.mark.parametrize("avoidance", ["null_space", "cbf"])
 @given(old=clouds, new=clouds)
 @settings(max_examples=20, deadline=None)

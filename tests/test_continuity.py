@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -73,6 +74,52 @@ def test_a_torque_in_half_the_step_changes_half_as_much(
     coarse, fine = (largest_step(arm, motion, law, ball, steps) for steps in (1000, 2000))
     assert fine[1] == pytest.approx(NEAREST, abs=2e-4)
     assert fine[0] == pytest.approx(coarse[0] / 2, rel=0.05)
+
+
+def fast_among_balls(law: str, seed: int) -> Callable[[float], Array]:
+    """The torque along a random swing of a Panda, fast, between balls that move."""
+    draw = np.random.default_rng(seed)
+    middle, wide = READY + draw.normal(0.0, 0.2, 7), draw.normal(0.0, 0.2, 7)
+    fast = draw.uniform(-1.1, 1.1, 7) * np.array(PANDA.velocity_limits)
+    links, target = np.array(PANDA.forward_kinematics(middle)), np.array(PANDA.pose(middle)[0])
+    target += draw.normal(0.0, 0.05, 3)
+    places = links[draw.integers(3, 7, 3)] + draw.normal(0.0, 0.12, (3, 3))
+    ways = draw.normal(0.0, 0.6, (3, 3))
+    balls = [
+        vff.Obstacle.sphere(place, 0.03, motion=vff.Motion.linear(way))
+        for place, way in zip(places, ways, strict=True)
+    ]
+    settings = vff.ControlSettings(stiffness=400.0, damping=40.0, null_damping=8.0, avoidance=law)
+    controller = vff.Controller(PANDA, settings)
+
+    def torque(s: float) -> Array:
+        q, dq = middle + wide * np.sin(2 * np.pi * s), fast * np.cos(2 * np.pi * s)
+        return np.array(controller.torque(q, dq, target, obstacles=balls, t=0.0))
+
+    return torque
+
+
+def jump(torque: Callable[[float], Array], a: float, b: float) -> float:
+    """What is left of a change of torque [N·m] in an interval that is halved where it changes most."""
+    before, after = torque(a), torque(b)
+    for _ in range(40):
+        between = torque(0.5 * (a + b))
+        if np.abs(between - before).max() < np.abs(between - after).max():
+            a, before = 0.5 * (a + b), between
+        else:
+            b, after = 0.5 * (a + b), between
+    return float(np.abs(after - before).max())
+
+
+@pytest.mark.parametrize("law", ["null_space", "priority"])
+def test_no_torque_jumps_where_limits_set_in(law: str) -> None:
+    """Where a torque comes to its limit, or a joint to its largest speed."""
+    grid = np.linspace(0.0, 0.5, 41)
+    swings = [fast_among_balls(law, seed) for seed in range(40)]
+    limits = np.array(PANDA.torque_limits)
+    assert sum(np.any(np.abs(swing(0.25)) > 0.999 * limits) for swing in swings) > 3
+    worst = max(jump(swing, a, b) for swing in swings for a, b in itertools.pairwise(grid))
+    assert worst < 1e-3
 
 
 def folding(s: float) -> Array:

@@ -87,6 +87,43 @@ def test_no_posture_lets_an_arm_swing(avoidance: str, task: str, stiffness: floa
     assert np.abs(points[-1][0] - READY).max() > 0.1  # it has gone somewhere
 
 
+@pytest.mark.parametrize(
+    "settings", [{"command": "of the robot"}, {"observer": {"detection": {}}, "touch": {"reaction": {}}}]
+)
+def test_nobody_pushes_a_model(settings: dict[str, Any]) -> None:
+    """What limits take of a law's torque is no push: a hand whose target jumps arrives."""
+    panda = vff.Arm.named("panda")
+    law = {"task": "pose", "stiffness": 400.0, "damping": 40.0, "null_damping": 10.0} | settings
+    controller = vff.Controller(panda, vff.ControlSettings(**law))
+    arm = vff.VirtualArm(controller, READY, PERIOD, acceleration=7.5, jerk=750.0)
+    place, turn = panda.pose(READY)
+    goal = place + np.array([0.0, 0.15, -0.05])
+    points = [arm.step(PERIOD * k, np.r_[goal, turn]) for k in range(3000)]
+    assert np.linalg.norm(panda.pose(points[-1][0])[0] - goal) < 1e-4
+    assert controller.tau_ext_estimate is not None and not np.any(controller.tau_ext_estimate)
+    assert controller.touched_link is None
+
+
+def test_a_posture_that_gives_way_to_a_push_comes_back() -> None:
+    """What a reaction lets go of is let go of any spring (T202): 1 N·m for a second moves little."""
+    panda = vff.Arm.named("panda")
+    posture = READY + 0.8 * np.eye(7)[0]
+    settings = vff.ControlSettings(
+        task="pose", stiffness=400.0, damping=40.0, null_damping=10.0,
+        posture=list(posture), posture_stiffness=300.0,
+        observer={"source": "measured", "detection": {}}, touch={"reaction": {}},
+    )  # fmt: skip
+    controller = vff.Controller(panda, settings)
+    arm = vff.VirtualArm(controller, READY, PERIOD, acceleration=7.5, jerk=750.0)
+    target, points = np.concatenate(panda.pose(READY)), []
+    for k in range(5000):
+        controller.sense([0.0, 0.0, 1.0 if 2000 <= k < 3000 else 0.0, 0.0, 0.0, 0.0, 0.0])
+        points.append(arm.step(PERIOD * k, target)[0])
+    off = np.abs(np.array(points[2000:]) - points[1999]).max(axis=1)
+    assert 0.01 < off.max() < 0.1 and off[-1] < 0.02
+    assert np.linalg.norm(panda.pose(points[-1])[0] - target[:3]) < 1e-3
+
+
 def test_a_robot_that_is_held() -> None:
     """It parts from its set point, which comes back to it within the limits; let go, it goes on."""
     arm, target, points = virtual(), away(), []

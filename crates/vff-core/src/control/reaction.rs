@@ -110,6 +110,11 @@ impl Reaction {
         }
     }
 
+    /// η, by how much the posture lets go \[rad, m\], (n).
+    pub fn posture(&self) -> &[f64] {
+        &self.posture
+    }
+
     /// K_v η, what the posture lets go of \[N·m, N\], (n).
     pub fn torque(&self) -> &[f64] {
         &self.torque

@@ -1,6 +1,7 @@
 //! The spring to a posture, which asks joints that are moved within limits for no more speed than they can brake from (T202).
 
 use super::Gains;
+use super::reaction::Reaction;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
@@ -10,56 +11,73 @@ const SPEED: f64 = 0.5;
 /// Joints that are free count as held by this share of the stiffest spring, where the way to the posture is shared out.
 const FREE: f64 = 1e-6;
 
-/// `out += K_v (q_d − q)` (T10), or what is left of that where the joints are moved within limits: `κ δ` (T202), with δ \[rad, m\] the way to
-/// the posture nearest to q_d that does not move the task. Where the posture is `on_plan`, the spring holds what moves that way anyway.
-/// Nothing without a posture. The workspaces have a number for each joint.
-pub fn add_torque<R: Robot<D>, const D: usize, const M: usize>(
-    robot: &R,
-    gains: &Gains<M>,
-    on_plan: bool,
-    [unit, response]: [&mut [f64]; 2],
-    out: &mut [f64],
-) {
-    let (q, posture) = (robot.configuration(), &gains.posture);
-    let Some(moved) = gains.moved.as_ref().filter(|_| !on_plan) else {
-        return gains.add_posture_torque(q, out);
-    };
-    let stiffest = posture.iter().map(|(_, stiffness)| *stiffness).fold(0.0, f64::max);
-    if stiffest == 0.0 {
-        return;
-    }
-    let held = |stiffness: f64| stiffness.max(FREE * stiffest);
-    let task = in_task::<R, D, M>(robot, posture, &held);
-    unit.fill(0.0);
-    for (i, (rest, stiffness)) in posture.iter().enumerate() {
-        let column = robot.jacobian_column::<M>(i);
-        let way = rest - q[i] - column.dot(&task) / held(*stiffness);
-        unit[i] = 1.0;
-        robot.mass_solve(unit, response);
-        unit[i] = 0.0;
-        let damping = gains.null_damping.get(i) / response[i];
-        let softest = SPEED * damping * (moved.acceleration[i] / way.abs()).sqrt();
-        out[i] += stiffness.min(softest) * way;
+/// What becomes of the spring beside the task.
+#[derive(Debug, Clone, Copy)]
+pub struct Spring<'a> {
+    /// Whether its posture is on a plan: what moves the joints keeps an arm from swinging about that anyway.
+    pub on_plan: bool,
+    /// What gives way to a push, if anything does.
+    pub reaction: Option<&'a Reaction>,
+}
+
+impl Spring<'_> {
+    /// `out += K_v (q_d + η − q)` (T10, T168), or what is left of that where the joints are moved within limits: `κ δ` (T202), with δ
+    /// \[rad, m\] the way to the posture nearest to q_d + η that does not move the task. Nothing without a posture. The workspaces have
+    /// a number for each joint.
+    pub fn add_torque<R: Robot<D>, const D: usize, const M: usize>(
+        self,
+        robot: &R,
+        gains: &Gains<M>,
+        [unit, response]: [&mut [f64]; 2],
+        out: &mut [f64],
+    ) {
+        let (q, posture) = (robot.configuration(), &gains.posture);
+        let Some(moved) = gains.moved.as_ref().filter(|_| !self.on_plan) else {
+            gains.add_posture_torque(q, out);
+            let given = self.reaction.iter().flat_map(|reaction| reaction.torque());
+            return out.iter_mut().zip(given).for_each(|(tau, given)| *tau += given);
+        };
+        let stiffest = posture.iter().map(|(_, stiffness)| *stiffness).fold(0.0, f64::max);
+        if stiffest == 0.0 {
+            return;
+        }
+        let error = |i: usize| {
+            let let_go = self.reaction.map_or(0.0, |reaction| reaction.posture()[i]);
+            posture[i].0 + let_go - q[i]
+        };
+        let held = |i: usize| posture[i].1.max(FREE * stiffest);
+        let task = in_task::<R, D, M>(robot, q.len(), &error, &held);
+        unit.fill(0.0);
+        for (i, (_, stiffness)) in posture.iter().enumerate() {
+            let way = error(i) - robot.jacobian_column::<M>(i).dot(&task) / held(i);
+            unit[i] = 1.0;
+            robot.mass_solve(unit, response);
+            unit[i] = 0.0;
+            let damping = gains.null_damping.get(i) / response[i];
+            let softest = SPEED * damping * (moved.acceleration[i] / way.abs()).sqrt();
+            out[i] += stiffness.min(softest) * way;
+        }
     }
 }
 
-/// (J K⁻¹ Jᵀ)⁻¹ J e, the force at the task that takes out of the springs, `held` so stiffly, what moves it. Without a direction in which
-/// J has lost its rank.
+/// (J K⁻¹ Jᵀ)⁻¹ J e, the force at the task that takes out of the springs, of `n` joints `held` so stiffly and off by this `error`, what moves
+/// it. Without a direction in which J has lost its rank.
 fn in_task<R: Robot<D>, const D: usize, const M: usize>(
     robot: &R,
-    posture: &[(f64, f64)],
-    held: &impl Fn(f64) -> f64,
+    n: usize,
+    error: &impl Fn(usize) -> f64,
+    held: &impl Fn(usize) -> f64,
 ) -> SVector<f64, M> {
-    let (mut yields, mut error) = (SMatrix::<f64, M, M>::zeros(), SVector::<f64, M>::zeros());
-    for (i, ((rest, stiffness), q)) in posture.iter().zip(robot.configuration()).enumerate() {
+    let (mut yields, mut off) = (SMatrix::<f64, M, M>::zeros(), SVector::<f64, M>::zeros());
+    for i in 0..n {
         let column = robot.jacobian_column::<M>(i);
-        yields += column * column.transpose() / held(*stiffness);
-        error += column * (rest - q);
+        yields += column * column.transpose() / held(i);
+        off += column * error(i);
     }
     for row in 0..M {
         yields[(row, row)] *= 1.0 + 1e-9;
     }
-    yields.cholesky().map_or(SVector::zeros(), |factor| factor.solve(&error))
+    yields.cholesky().map_or(SVector::zeros(), |factor| factor.solve(&off))
 }
 
 #[cfg(test)]
@@ -89,7 +107,8 @@ mod tests {
         let mut space = OperationalSpace::new(n, 0.0, gains.metric::<2>());
         space.update(&mut robot, &case.q, &case.dq);
         let (mut unit, mut response, mut torque) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        add_torque(&robot, &gains, false, [&mut unit, &mut response], &mut torque);
+        let spring = Spring { on_plan: false, reaction: None };
+        spring.add_torque(&robot, &gains, [&mut unit, &mut response], &mut torque);
         Law::new(n).project(&robot, &space, Projection::Dynamic, &mut torque);
         torque
     }

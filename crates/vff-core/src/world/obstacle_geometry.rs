@@ -119,7 +119,7 @@ pub trait ObstacleGeometry<const D: usize>: Clone + Debug + Send + 'static {
     /// Where this geometry, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
     fn contact(&self, pair: Pair, body: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
 
-    /// The most contacts that one body can have.
+    /// The most contacts that one body can have, 1 or more.
     fn contacts(&self) -> usize {
         1
     }

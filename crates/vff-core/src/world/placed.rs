@@ -157,11 +157,16 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         self.foreseen = self.description.motion().is_foreseen().then(|| self.any_speed());
     }
 
-    /// Where the state after a while is that of its motion, not one that goes on as it is: a speed that no point of it ever
-    /// exceeds \[m/s\].
+    /// A speed that no point of it exceeds \[m/s\], where the state after a while is that of its motion, not one that goes on as it is, or
+    /// its points move by themselves.
     #[inline]
-    pub(super) fn foreseen(&self) -> Option<f64> {
-        self.foreseen
+    pub(super) fn speed_bound(&self) -> Option<f64> {
+        let of_points = self.geometry.speed();
+        self.foreseen.or_else(|| match &self.turned {
+            _ if of_points <= 0.0 => None,
+            Some(_) => Some(f64::INFINITY),
+            None => Some(self.state.velocity.norm() + of_points),
+        })
     }
 
     /// Forgets how fast it is at most: it turns otherwise from now on, or parts of it move otherwise.

@@ -100,9 +100,10 @@ pub trait CollisionQuery<const D: usize> {
         self.for_each_barrier(bodies, reach, visit);
     }
 
-    /// Of an obstacle that is carried on where its motion has it, faster or slower than now: a speed that no point of it
-    /// exceeds \[m/s\]. None of one that goes on as it does; see [`Motion::is_foreseen`](super::Motion::is_foreseen).
-    fn foreseen(&self, obstacle: usize) -> Option<f64> {
+    /// A speed that no point of an obstacle exceeds from now on \[m/s\], where that of its nearest point does not tell: it is carried on
+    /// where its motion has it, faster or slower than now (see [`Motion::is_foreseen`](super::Motion::is_foreseen)), or it is a cloud
+    /// whose points move by themselves.
+    fn speed_bound(&self, obstacle: usize) -> Option<f64> {
         let _ = obstacle;
         None
     }
@@ -391,8 +392,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.most_margin
     }
 
-    fn foreseen(&self, obstacle: usize) -> Option<f64> {
-        self.obstacles[obstacle].foreseen()
+    fn speed_bound(&self, obstacle: usize) -> Option<f64> {
+        self.obstacles[obstacle].speed_bound()
     }
 
     fn hull_barrier_count(&self) -> usize {

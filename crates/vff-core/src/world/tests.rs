@@ -132,9 +132,9 @@ fn what_is_foreseen_is_found_where_it_will_be() {
         });
         let present = other.contact(0, &link, 0);
         // √2 m in a second and at most 3 rad/s, both along quintics: 15/8 of the mean.
-        let most = foreseen.foreseen(0).unwrap();
+        let most = foreseen.speed_bound(0).unwrap();
         assert!(most > 2.0_f64.sqrt() && most < 6.0, "{most}");
-        assert!(other.foreseen(0).is_none());
+        assert!(other.speed_bound(0).is_none());
         assert_eq!(foreseen.contact(0, &link, 0), present);
         for after in [-0.3, 0.2, 1.0, 5.0] {
             let found = foreseen.contact_after(0, &link, 0, after);
@@ -150,10 +150,10 @@ fn what_is_foreseen_is_found_where_it_will_be() {
         }
         let mut turned = foreseen.clone();
         turned.turn(0, now, &other.turn_at(0, now).unwrap());
-        assert_eq!(turned.foreseen(0), Some(f64::INFINITY));
+        assert_eq!(turned.speed_bound(0), Some(f64::INFINITY));
         let mut placed = foreseen;
         placed.place(0, now, Vector::<2>::new(0.0, 2.0), Vector::<2>::new(0.0, -1.0));
-        assert!(placed.foreseen(0).is_none());
+        assert!(placed.speed_bound(0).is_none());
     }
 }
 

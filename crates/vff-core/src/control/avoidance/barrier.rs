@@ -174,6 +174,8 @@ pub(crate) struct Barrier {
     turning_weight: f64,
     /// See [`Yielding`].
     rate: f64,
+    /// Whether distances ask for no more than the torque gives them already.
+    defers: bool,
     /// The most that joints can keep that are moved by other means than a torque, before what moves and, without a plan, all else (T201).
     most_rate: f64,
     /// What moves the joints, where that is no torque.
@@ -229,6 +231,7 @@ impl Barrier {
             planes: vec![],
             turning_weight: 0.0,
             rate: rate(settings),
+            defers: false,
             most_rate: f64::INFINITY,
             moved: None,
             margins: Margins::new(n, settings),
@@ -237,6 +240,11 @@ impl Barrier {
         };
         this.reserve(0);
         this
+    }
+
+    /// Lets distances ask for no more than the torque gives them already, so that nothing jumps where this begins to act.
+    pub fn deferring(self) -> Self {
+        Self { defers: true, ..self }
     }
 
     /// Leaves the speeds of an arm without velocity limits alone.
@@ -470,7 +478,7 @@ impl Barrier {
         range: Option<&TorqueRange>,
         gradient: impl FnOnce(&mut [f64], &mut [f64]),
     ) {
-        let Self { nominal, present, normals, bounds, shares, scratch, .. } = self;
+        let Self { nominal, present, normals, bounds, shares, scratch, defers, .. } = self;
         interrupt::checkpoint(64 + nominal.len());
         let start = normals.len();
         normals.resize(start + nominal.len(), 0.0);
@@ -487,7 +495,7 @@ impl Barrier {
                 [least - asked, share]
             }
         };
-        bounds.push(bound);
+        bounds.push(if *defers { bound.min(0.0) } else { bound });
         shares.push(share);
     }
 

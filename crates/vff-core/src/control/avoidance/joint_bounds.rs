@@ -146,7 +146,7 @@ impl JointBounds {
         (0..ddq.len()).all(|i| {
             let (q, dq, ddq, most) =
                 (robot.configuration()[i], robot.velocity()[i], ddq[i], speed[i]);
-            let bound = |dq| guarded_acceleration(*rate, most, dq);
+            let bound = |dq| guarded_acceleration(*rate, most, dq) - brake_beyond(*rate, most, dq);
             // The first is never more than either bound, and nearly always enough.
             let is_slow =
                 ddq.abs() <= rate * (most - dq.abs()) || (-bound(-dq) <= ddq && ddq <= bound(dq));

@@ -139,7 +139,7 @@ impl<const M: usize> Limiter<M> {
             barrier: if is_judged {
                 barrier.without_speeds(robot)
             } else {
-                barrier.guarding(robot)
+                barrier.guarding(robot).deferring()
             },
             is_judged,
             is_fitted,

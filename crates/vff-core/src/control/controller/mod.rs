@@ -208,6 +208,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.hear_wanted(output, law, elapsed);
     }
 
+    /// [`ReactiveController::hear_of_time`].
+    pub fn hear_of_time(&mut self, elapsed: f64) {
+        self.reactive.hear_of_time(elapsed);
+    }
+
     /// [`ReactiveController::believe`].
     pub fn believe(&mut self, other: &Self) {
         self.reactive.believe(&other.reactive);

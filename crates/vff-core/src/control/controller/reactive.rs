@@ -11,9 +11,10 @@ use crate::control::moving_posture::MovingPosture;
 use crate::control::observer::MomentumObserver;
 use crate::control::output::write_ends;
 use crate::control::reaction::Reaction;
+use crate::control::soft_posture::Spring;
 use crate::control::{
     Formulation, Gains, Gravity, Law, OperationalSpace, Output, Tank, Torque, TorqueRange,
-    VirtualForces, extended_jacobian, soft_posture, task,
+    VirtualForces, extended_jacobian, task,
 };
 use crate::interrupt;
 use crate::math::{Pose, Vector, dot};
@@ -439,15 +440,14 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             self.scaling = (self.share - 1.0) * injected;
             tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
         }
-        let Parts { task, posture, .. } = parts;
+        let (Parts { task, posture, .. }, reaction) = (parts, self.reaction.as_deref());
         let on_plan = self.moving.as_ref().is_some_and(|moving| moving.is_along());
-        soft_posture::add_torque(robot, gains, on_plan, [task, posture], tau_sec);
+        Spring { on_plan, reaction }.add_torque(robot, gains, [task, posture], tau_sec);
         if let Some(moving) = self.moving.as_mut().filter(|moving| moving.has_moved()) {
             moving.update_torque(robot, gains, law.brake);
             tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
         }
-        if let Some(reaction) = &self.reaction {
-            tau_sec.iter_mut().zip(reaction.torque()).for_each(|(tau, given)| *tau += given);
+        if let Some(reaction) = reaction {
             self.scaling += dot(robot.velocity(), reaction.torque());
         }
     }
@@ -466,13 +466,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         damping.iter_mut().for_each(|tau| *tau = -*tau);
         posture.fill(0.0);
         let on_plan = self.moving.as_ref().is_some_and(|moving| moving.is_along());
-        soft_posture::add_torque(robot, gains, on_plan, [task, avoidance], posture);
+        let spring = Spring { on_plan, reaction: self.reaction.as_deref() };
+        spring.add_torque(robot, gains, [task, avoidance], posture);
         robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
         if let Some(moving) = &self.moving {
             posture.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
-        }
-        if let Some(reaction) = &self.reaction {
-            posture.iter_mut().zip(reaction.torque()).for_each(|(tau, given)| *tau += given);
         }
         for (tau, repulsion) in avoidance.iter_mut().zip(&self.repulsion) {
             *tau = self.share * repulsion;

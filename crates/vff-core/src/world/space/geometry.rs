@@ -137,7 +137,7 @@ impl ObstacleGeometry<3> for SpatialGeometry {
     }
 
     fn contacts(&self) -> usize {
-        if let Core::Cloud(cloud) = &self.core { cloud.len() } else { 1 }
+        if let Core::Cloud(cloud) = &self.core { cloud.len().max(1) } else { 1 }
     }
 
     #[inline]

@@ -140,7 +140,8 @@ impl Barrier {
     /// What the ball of (T114) is beyond its planes, where the last program has it: the curvature of |v + v̇/k|, times what the planes
     /// bear, joins the cost (sequential quadratic programming), so that a few planes are enough.
     fn bend<const N: usize>(&mut self, pace: &Pace<'_, N>, way: &Vector<N>, speed: f64) {
-        let Self { program, planes, hessian, gradient, nominal, rate, .. } = self;
+        let rate = self.rates().resting;
+        let Self { program, planes, hessian, gradient, nominal, .. } = self;
         let n = nominal.len();
         let is_plane =
             |row: usize| planes.iter().any(|plane| plane.row == row && plane.turns == pace.turns);
@@ -153,7 +154,7 @@ impl Barrier {
             let column = (pace.column)(i);
             column - way * way.dot(&column)
         };
-        let share = borne / (*rate * speed);
+        let share = borne / (rate * speed);
         let moved =
             (0..n).fold(Vector::<N>::zeros(), |sum, i| sum + across(i) * program.x()[i]) * share;
         for i in 0..n {

@@ -38,15 +38,15 @@ pub struct Approach<const D: usize> {
     /// Velocity of the obstacle at its nearest point \[m/s\], and whether it turns.
     velocity: Vector<D>,
     turns: bool,
-    /// The speed that it never exceeds where it is foreseen \[m/s\].
-    foreseen: Option<f64>,
+    /// The speed that none of its points exceeds, where the nearest does not tell \[m/s\].
+    bound: Option<f64>,
 }
 
 impl<const D: usize> Approach<D> {
     #[inline(always)]
-    fn new(contact: &Contact<D>, foreseen: Option<f64>) -> Self {
+    fn new(contact: &Contact<D>, bound: Option<f64>) -> Self {
         let Contact { distance, margin, velocity, spin, .. } = *contact;
-        Self { distance, margin, velocity, turns: !spin.is_none(), foreseen }
+        Self { distance, margin, velocity, turns: !spin.is_none(), bound }
     }
 
     /// The signed distance \[m\] as one of a pair that keeps the `usual` margin: see [`PairMargin::as_usual`].
@@ -55,10 +55,10 @@ impl<const D: usize> Approach<D> {
         self.margin.as_usual(self.distance, usual)
     }
 
-    /// A speed that no point of the obstacle exceeds, now or later \[m/s\]; infinite where it turns and is not foreseen, as other
-    /// points may come faster than the nearest does.
+    /// A speed that no point of the obstacle exceeds, now or later \[m/s\]; infinite where it turns and no more is known, as
+    /// other points may come faster than the nearest does.
     pub fn speed(&self) -> f64 {
-        match self.foreseen {
+        match self.bound {
             Some(speed) => speed,
             None if self.turns => f64::INFINITY,
             None => self.velocity.norm(),
@@ -162,8 +162,8 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         found: &mut Vec<Near<D>>,
     ) -> Approach<D> {
         let visit = |contact: &Contact<D>| found.push(Near::new(contact));
-        let foreseen = self.foreseen(obstacle);
-        let take = |contact: &Contact<D>| Approach::new(contact, foreseen);
+        let bound = self.speed_bound(obstacle);
+        let take = |contact: &Contact<D>| Approach::new(contact, bound);
         self.approach_after(index, body, obstacle, after, reach, visit, take)
     }
 

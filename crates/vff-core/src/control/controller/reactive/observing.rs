@@ -1,7 +1,7 @@
 //! What the controller knows by its observer, what it does about it, and how another one takes that over.
 
 use super::ReactiveController;
-use crate::control::observer::{Answer, MomentumObserver};
+use crate::control::observer::{Answer, MomentumObserver, Source};
 use crate::control::{Gravity, Output};
 use crate::math::{Pose, Vector};
 use crate::robot::Manipulator;
@@ -30,6 +30,14 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             None => observer.acted.copy_from_slice(law.unwrap_or(&self.law.torque.total)),
         }
         self.update_observer(Some(elapsed));
+    }
+
+    /// [`hear`](Self::hear) where what moves the joints is no torque, which says nothing of what acts from outside: of that, an observer
+    /// knows what is measured alone.
+    pub fn hear_of_time(&mut self, elapsed: f64) {
+        let is_measured =
+            self.gains.observer.as_ref().map(|given| given.source == Source::Measured);
+        self.update_observer(is_measured.unwrap_or(false).then_some(elapsed));
     }
 
     /// Takes in the observed state, to which what has acted has led.
