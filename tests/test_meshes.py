@@ -57,6 +57,38 @@ def beyond(corners: np.ndarray, points: np.ndarray) -> float:
     return float(beyond_each(corners, points).max())
 
 
+LINK = """<link name="l{i}">
+<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><mesh filename="mesh.stl"{scale}/></geometry></collision></link>
+<joint name="j{i}" type="revolute"><parent link="l{before}"/><child link="l{i}"/><axis xyz="{axis}"/>
+<origin xyz="0 0 {far}"/><limit lower="-2" upper="2" velocity="2" effort="50"/></joint>
+"""
+
+
+def chain_of(scale: str, folder: Path) -> Path:
+    """An arm whose four links are all one mesh, made in millimetres."""
+    saved(trimesh.creation.cylinder(40.0, 200.0).apply_translation([0.0, 0.0, 100.0]), folder)
+    axes = ["0 0 1", "0 1 0"] * 2
+    links = [
+        LINK.format(i=i + 1, before=i, axis=axis, far=0.3 if i else 0.0, scale=scale)
+        for i, axis in enumerate(axes)
+    ]
+    path = folder / "chain.urdf"
+    path.write_text("".join(['<robot name="chain"><link name="l0"/>', *links, "</robot>"]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("collision", ["fit", "file"])
+def test_meshes_in_millimetres_are_told_of(collision: Any, tmp_path: Path) -> None:
+    """And no pair is ignored because its shapes are a thousand times as large."""
+    report = read_urdf(chain_of("", tmp_path), collision=collision)
+    (told,) = [each for each in report.warnings if "millimetres" in each]
+    assert "`l1`, `l2`, `l3` and `l4`" in told and 'scale="0.001 0.001 0.001"' in told
+    assert not report.touching
+    report = read_urdf(chain_of(' scale="0.001 0.001 0.001"', tmp_path), collision=collision)
+    assert not report.touching and not any("millimetres" in each for each in report.warnings)
+
+
 def test_a_convex_mesh_is_its_own_hull(tmp_path: Path) -> None:
     """A box of 8 corners loses nothing, whatever the unit of the file; the distance is the box's own."""
     size = np.array([0.1, 0.2, 0.3])

@@ -436,6 +436,34 @@ def test_animate(short: vff.Result, tmp_path: Path) -> None:
         assert duration == 5 * 100 + 1000  # ms; the last picture stays for a second
 
 
+@pytest.mark.parametrize("fps", [12.0, 30.0, 50.0])
+def test_a_film_lasts_as_long_as_its_run(short: vff.Result, fps: float, tmp_path: Path) -> None:
+    """Although frames of a GIF last whole hundredths of a second."""
+    from PIL import Image, ImageSequence
+
+    with Image.open(short.animate(tmp_path / "arm.gif", fps=fps)) as film:
+        lasts = sum(frame.info["duration"] for frame in ImageSequence.Iterator(film)) - 1000
+        count = getattr(film, "n_frames", 1)
+    assert lasts == pytest.approx(1000.0 * (count - 1) / fps, abs=6.0)
+
+
+@pytest.mark.parametrize("scenario", ["sweep-through", "panda-sweep"])
+def test_names_fit_into_films(scenario: str, tmp_path: Path) -> None:
+    """However long, and whatever is in them: the picture is the same, time and clearance can be read."""
+    from PIL import Image
+
+    pictures = []
+    for name in ("a", "pays $5, not $6, at " + "x" * 200, "$x^$"):
+        result = vff.simulate(vff.Scenario.load(scenario).replace(name=name, duration=0.1))
+        with Image.open(result.animate(tmp_path / "film.gif", fps=10)) as film:
+            pictures.append(np.asarray(film.convert("L")).astype(int))
+    head = pictures[0].shape[0] // 12
+    right = int(0.75 * pictures[0].shape[1])
+    for other in pictures[1:]:
+        assert np.abs(other[head:] - pictures[0][head:]).mean() < 1.0
+        assert np.abs(other[:head, right:] - pictures[0][:head, right:]).mean() < 1.0
+
+
 def test_animate_shows_what_moves(tmp_path: Path) -> None:
     """Arm and disc in every frame, arrows once the disc is near: their colours are there, or are not."""
     from PIL import Image
@@ -478,6 +506,10 @@ def test_animate_writes_mp4(short: vff.Result, tmp_path: Path) -> None:
         ("arm.gif", {"fps": 0}),
         ("arm.gif", {"speed": -1.0}),
         ("arm.gif", {"fps": float("nan")}),
+        ("arm.gif", {"fps": 60}),
+        ("arm.gif", {"fps": 1e-3}),
+        ("arm.mp4", {"fps": 1e308}),
+        ("arm.gif", {"speed": 1e-9}),
     ],
 )
 def test_animate_refuses(short: vff.Result, name: str, options: dict[str, float], tmp_path: Path) -> None:

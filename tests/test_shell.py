@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import socket
@@ -291,6 +292,59 @@ def test_closed_streams(tmp_path: Path) -> None:
     assert shell("vffnull list | true") == (0, "", "")
 
 
+@pytest.mark.parametrize("words", ["list", "schema", "validate paper-1"])
+def test_a_reader_that_has_gone(words: str) -> None:
+    """As of a pipe into `head`: that is no failure."""
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "vffnull", *words.split()], stdout=write, stderr=subprocess.PIPE
+        )
+    finally:
+        os.close(write)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["run sweep-through --save a.npz", "run sweep-through --plot a.png", "report sweep-through a.html",
+     "realtime sweep-through --seconds 1 --plot a.png", "animate sweep-through a.gif", "live sweep-through"],
+)  # fmt: skip
+def test_a_folder_of_somebody_else(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing can be written is told before anything is computed."""
+    from click.testing import CliRunner
+
+    from vffnull.cli import _commands
+
+    def never(*_given: object, **_more: object) -> None:
+        raise AssertionError("computed")
+
+    monkeypatch.chdir(tmp_path)
+    theirs = tmp_path.resolve()
+    monkeypatch.setattr(os, "access", lambda place, how: not how & os.W_OK or Path(place).resolve() != theirs)
+    for module, name in (("cli.common", "run_scenario"), ("cli.realtime", "measure"), ("live", "extra")):
+        monkeypatch.setattr(importlib.import_module(f"vffnull.{module}"), name, never)
+    done = CliRunner().invoke(_commands, words.split())
+    assert isinstance(done.exception, PermissionError), done.exception
+
+
+def test_a_full_disk_takes_no_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was computed is printed although it cannot be saved."""
+    from click.testing import CliRunner
+
+    from vffnull.cli import _commands
+
+    def full(*_given: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(vff.Result, "save", full)
+    words = ["run", "sweep-through", "--json", "--save", str(tmp_path / "a.npz"), *SHORT]
+    done = CliRunner().invoke(_commands, words)
+    assert isinstance(done.exception, OSError)
+    assert json.loads(done.stdout)["scenario"] == "sweep-through"
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii", "latin-1"])
 def test_narrow_terminals(encoding: str, tmp_path: Path) -> None:
     """What the terminal cannot show is escaped, and JSON stays JSON."""
@@ -312,6 +366,8 @@ def test_bytes_that_are_no_text() -> None:
         "run \udcff",
         "run \udcff.toml",
         "validate \udcff.toml",
+        "arms show \udcff",
+        "study tune gains --out \udcff",
     ):
         done = subprocess.run(
             [sys.executable, "-m", "vffnull", *arguments.split()], capture_output=True, text=True

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["apart", "digest", "read_text", "replacing"]
+__all__ = ["apart", "digest", "read_text", "replacing", "writable"]
 
 MAX_BYTES = 1 << 28
 """Of a text: the largest cloud, of 50 000 points, takes 3 million, and a million discs take 110 million."""
@@ -70,6 +70,26 @@ def apart(target: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None
     """
     if any(_is_same(target, each) for each in read):
         raise InputError(f"{os.fspath(target)}: is read, and would be written over; name another file")
+
+
+def writable(folder: str | os.PathLike[str]) -> None:
+    """Find out whether files can be written into a folder; if it has to be made, into the nearest there is.
+
+    Parameters
+    ----------
+    folder : str or path
+        Where is to be written.
+
+    Raises
+    ------
+    OSError
+        If nobody, or not this user, can write there.
+    """
+    there = next(each for each in (Path(folder), *Path(folder).absolute().parents) if each.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(there))
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(Path(folder).absolute()))
 
 
 def _is_same(target: str | os.PathLike[str], read: str | os.PathLike[str]) -> bool:

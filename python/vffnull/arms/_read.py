@@ -30,6 +30,8 @@ __all__ = ["Collision", "MeshReader", "Pieces", "finish", "options", "solid_of",
 
 Collision = Literal["fit", "file", "none"]
 Pieces = int | Mapping[str, int]
+HUGE = 3.0
+"""Shapes so many times as large as the arm is long are taken for those in other units."""
 MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
 """From a mesh of the model and a name for messages to its surface."""
 
@@ -117,7 +119,8 @@ def finish(
     if fits:
         from vffnull.arms._touching import touching as pairs
 
-        found = pairs(arm)
+        huge = _huge(arm, fits, odd)
+        found = [pair for pair in pairs(arm) if huge.isdisjoint(pair)]
         odd += _always(found, collision, srdf)
         touching = [] if srdf else found
         arm["ignore"] = [list(pair) for pair in arm.get("ignore", [])] + [list(pair) for pair in touching]
@@ -138,6 +141,27 @@ def finish(
         fits=tuple(fits),
         touching=tuple(touching),
     )
+
+
+def _huge(arm: Mapping[str, Any], fits: Sequence[Fit], odd: list[str]) -> set[str]:
+    """Links whose shapes are far larger than the arm, which is told: for that alone their pairs overlap."""
+    from vffnull.model.shape import core_in_space
+
+    places = [each["position"] for each in (*arm["joints"], arm["tool"])]
+    reach = float(np.linalg.norm(places, axis=1).sum())
+    sizes: dict[str, float] = defaultdict(float)
+    for fit in fits:
+        corners, radius = core_in_space(fit.shape)
+        sizes[fit.link] = max(sizes[fit.link], float(np.ptp(corners, axis=0).max()) + 2.0 * radius)
+    huge = {link for link, size in sizes.items() if size > HUGE * max(reach, 0.1)}
+    if huge:
+        named = listed([f"`{link}`" for link in sizes if link in huge])
+        largest = max(sizes.values())
+        odd.append(
+            f"shapes of {named} are up to {largest:.3g} m large, and the arm is {reach:.3g} m long: are "
+            'their meshes in millimetres? `scale="0.001 0.001 0.001"` says so'
+        )
+    return huge
 
 
 def _always(pairs: Sequence[tuple[str, str]], collision: Collision, srdf: bool) -> list[str]:

@@ -18,7 +18,7 @@ import click
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError, VffNullError
 from vffnull._support.figures import is_file
-from vffnull._support.files import apart
+from vffnull._support.files import apart, writable
 from vffnull.cli import results
 from vffnull.cli.arms import arms
 from vffnull.cli.common import (
@@ -61,7 +61,7 @@ __all__ = ["main"]
 def main() -> NoReturn:
     """Run the command line and exit: 0 success, 2 wrong input, 3 failed, 130 interrupted, 143 terminated."""
     _set_up()
-    terminated = _heard_as_ctrl_c(signal.SIGTERM)
+    terminated, output = _heard_as_ctrl_c(signal.SIGTERM), sys.stdout
     try:
         code = _commands.main(prog_name="vffnull", standalone_mode=False)
         sys.stdout.flush()
@@ -72,6 +72,10 @@ def main() -> NoReturn:
         code = INTERRUPTED
     except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FINE
+    except SystemExit:
+        if sys.stdout is output:  # click wraps one that its reader has closed
+            raise
         code = FINE
     except OSError as error:
         place = f"{shown(error.filename)}: " if error.filename else ""
@@ -230,18 +234,20 @@ def run(
         has_folder(save_to, scenario)
     if plot_to is not None:
         apart(plot_to, scenario)
-        if not is_file(plot_to):
-            plot_to.mkdir(parents=True, exist_ok=True)
+        writable(plot_to.parent if is_file(plot_to) else plot_to)
     result = run_with_bar(ready, quiet, plant)
     files: list[Path] = []
-    if save_to is not None:
-        files.append(result.save(save_to))
-    if plot_to is not None:
-        files.extend(Path(path) for path in result.plot(plot_to, figure_format))
-    if as_json:
-        echo_json(_report(result, files))
-    elif not quiet:
-        _print(result, files)
+    try:
+        if save_to is not None:
+            files.append(result.save(save_to))
+        if plot_to is not None:
+            files.extend(Path(path) for path in result.plot(plot_to, figure_format))
+    finally:  # a disk that is full takes nothing of what was computed
+        if as_json:
+            echo_json(_report(result, files))
+        elif not quiet:
+            _print(result, files)
+    if not (as_json or quiet):
         click.echo(f"\n{_next(scenario, assignments, save_to)}")
     return exit_code(result, strict)
 

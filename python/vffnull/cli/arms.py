@@ -16,6 +16,7 @@ from click.shell_completion import CompletionItem
 import vffnull._core as _core
 from vffnull._support.errors import InputError
 from vffnull.cli.common import FINE, say
+from vffnull.model.scenario import shown
 
 if TYPE_CHECKING:
     from vffnull.arms import Report
@@ -77,7 +78,7 @@ def show(name: str, as_toml: bool, as_json: bool) -> int:
     """Show a bundled arm: joints, limits, masses, and where the numbers come from."""
     from vffnull.arms import describe
 
-    text = _core.arm_text(name)
+    text = _core.arm_text(shown(name))
     if as_toml:
         click.echo(text.rstrip())
     elif as_json:

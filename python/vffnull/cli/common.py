@@ -21,7 +21,7 @@ import vffnull._core as _core
 from vffnull._support import progress as _progress
 from vffnull._support.errors import ScenarioError, ScenarioWarning, VffNullError
 from vffnull._support.figures import FIGURE_FORMATS, is_file
-from vffnull._support.files import apart
+from vffnull._support.files import apart, writable
 from vffnull.logs import READABLE
 from vffnull.model.scenario import Scenario, prepare, scenarios, shown, source_of
 from vffnull.run.result import Result, Status
@@ -33,10 +33,11 @@ COLOURS = {"good": "green", "odd": "yellow", "bad": "red"}
 
 
 def has_folder(file: Path, *read: str | Path) -> None:
-    """Refuse a file whose folder there is not, or that is one to `read`, before anything is computed."""
+    """Refuse a file that cannot be written, or that is one to `read`, before anything is computed."""
     apart(file, *read)
     if not file.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file))
+    writable(file.parent)
 
 
 def complete_scenario(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:

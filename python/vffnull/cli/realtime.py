@@ -13,7 +13,7 @@ import vffnull._core as _core
 from vffnull._support import progress as _progress
 from vffnull._support.errors import InputError
 from vffnull._support.figures import checked_file
-from vffnull._support.files import apart
+from vffnull._support.files import apart, writable
 from vffnull.cli.common import (
     FAILED,
     FINE,
@@ -101,17 +101,22 @@ def realtime(
     if plot_to is not None:  # find out before the run, not after it
         checked_file(plot_to)
         apart(plot_to, scenario)
+        writable(plot_to.parent)
     bar = interactive() and not as_json
     report = measure(ready, rate, seconds, priority, core, progress=bar)
     for note in report.notes:
         say(f"warning: {note}", "yellow")
-    if plot_to is not None:
-        plot_to.parent.mkdir(parents=True, exist_ok=True)
-        report.plot(plot_to)
-    if as_json:
-        echo_json(report.to_dict() | {"version": _core.__version__})
-    else:
-        _print_timing(report, plot_to)
+    drawn = None
+    try:
+        if plot_to is not None:
+            plot_to.parent.mkdir(parents=True, exist_ok=True)
+            report.plot(plot_to)
+            drawn = plot_to
+    finally:  # a disk that is full takes nothing of what was measured
+        if as_json:
+            echo_json(report.to_dict() | {"version": _core.__version__})
+        else:
+            _print_timing(report, drawn)
     if report.status is Status.INTERRUPTED:
         return INTERRUPTED
     failed = report.status is Status.DIVERGED or (strict and not report.held)

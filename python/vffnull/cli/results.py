@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from vffnull._support.files import apart
+from vffnull._support.files import apart, writable
 from vffnull.cli.common import (
     complete_scenario,
     echo_json,
@@ -47,7 +47,9 @@ def _view(
 @click.argument("source", shell_complete=complete_scenario)
 @click.argument("file", type=click.Path(path_type=Path))
 @set_option
-@click.option("--fps", type=float, default=25.0, show_default=True, help="Frames per second.")
+@click.option(
+    "--fps", type=float, default=25.0, show_default=True, help="Frames per second, at most 50 in a GIF."
+)
 @click.option("--speed", type=float, default=1.0, show_default=True, help="Simulated seconds per second.")
 @click.option(
     "--size", type=int, metavar="DOTS", help="How wide the film is; 648 in the plane, 600 in space."
@@ -82,6 +84,7 @@ def animate(
 
     check(file, fps, speed, size, view)  # before the run, not after it
     apart(file, source)
+    writable(file.parent)
     result = run_or_load(source, assignments, quiet)
     bar = interactive() and not quiet
     path = result.animate(file, fps=fps, speed=speed, size=size, view=view, progress=bar)

@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 import vffnull._core as _core
 from vffnull._support.errors import InputError
 from vffnull.cli.common import FINE, INTERRUPTED, echo_json, interactive, say
+from vffnull.model.scenario import shown
 
 if TYPE_CHECKING:
     from vffnull.studies import Tuned
@@ -230,6 +231,8 @@ def show(place: str, metrics: tuple[str, ...], page: Path | None, as_json: bool)
 def _needed(out: str | None) -> str:
     if not out:
         raise click.UsageError("--out: say where the runs go, as in --out results")
+    if shown(out) != out:  # what reads them back knows text alone
+        raise click.UsageError(f"--out: {shown(out)} is no text in UTF-8")
     return out
 
 

@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -206,6 +207,14 @@ def level(ax: Axes, value: float, text: str, *, colour: str = MUTED) -> None:
         fontsize=7,
         va="center",
     )
+
+
+def fit(text: Text, most: float) -> None:
+    """Shorten what is written in one line until it is no wider than this [dots]."""
+    whole = text.get_text()
+    while whole and text.get_window_extent().width > most:
+        whole = whole[: -max(1, len(whole) // 16)]
+        text.set_text(whole.rstrip() + "…")
 
 
 def note(ax: Axes, text: str) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull._support.extras import extra
+from vffnull._support.files import writable
 
 if TYPE_CHECKING:
     from vffnull.arms._meshes import Packages
@@ -89,6 +90,7 @@ def live(
     folder = Path(record_to)
     if not folder.is_dir():
         raise InputError(f"record_to: there is no folder {folder}")
+    writable(folder)
     extra("viser", "viewer")
     from vffnull.live.guard import origins
     from vffnull.live.page import LivePage

@@ -27,6 +27,13 @@ LEAD = """
 The field pushes the links away from the obstacle; the null-space projection keeps that push off the tip.
 **Switch the projection off and watch the tip.**
 """
+NO_PUSH = "Nothing pushes the arm away from the obstacle. **Switch the repulsive field on.**"
+KEPT_AWAY = {
+    "priority": "Links and tip give way where an obstacle comes near. **Drag the obstacle into the arm.**",
+    "cbf": "Barriers keep obstacles away from links and tip, which give way where they have to. "
+    "**Drag the obstacle into the arm.**",
+}
+"""What stands above a law whose field is off, by what `controller.avoidance` is."""
 WAYS = {
     "the links only": "null_space",
     "relaxed": "relaxed",
@@ -64,7 +71,7 @@ class Panel:
         def add(name: str, label: str, low: float, high: float, step: float, hint: str) -> None:
             self._sliders[name] = gui.add_slider(label, low, high, step, usual[name], hint=hint)
 
-        gui.add_markdown(LEAD)
+        self._lead = gui.add_markdown(LEAD)
         self._projection = gui.add_button(
             "Null-space projection: on", hint="Whether the push of the field is kept off the tip"
         )
@@ -415,6 +422,8 @@ class Panel:
     def _apply(self, settings: dict[str, Any]) -> None:
         self._page.configure(settings)
         self._settings = settings
+        pushes = settings["field"]["gain"] > 0.0
+        self._lead.content = LEAD if pushes else KEPT_AWAY.get(said(settings, "avoidance"), NO_PUSH)
         self._ahead.visible = settings.get("avoidance") == "cbf"
 
     def _tell(self, name: str) -> None:

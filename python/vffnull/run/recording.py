@@ -70,7 +70,11 @@ class Shot:
 
 def read_cameras(path: Path) -> dict[str, dict[str, Any]]:
     """What a TOML file says of cameras: a table of each, by its topic, with `KEYS` and ``time_offset``."""
-    document = _core.parse_toml(read_text(path), str(path))
+    try:
+        text = read_text(path)
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is no file of text in UTF-8") from None
+    document = _core.parse_toml(text, str(path))
     for topic, given in document.items():
         if not isinstance(given, dict):
             raise InputError(f'{path}: {topic}: expected a table ["TOPIC"], got {given!r}')

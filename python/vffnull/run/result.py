@@ -396,7 +396,8 @@ class Result(Outcome):
             A path that ends in ``.gif`` or, with the extra ``vffnull[video]``, in ``.mp4``. Without it, the
             film is returned, and a notebook shows it.
         fps : float, optional
-            Frames per second of the film. GIF counts in hundredths of a second: 50, 25, 20, 10 are exact.
+            Frames per second of the film, at most 50 in a GIF, which counts in hundredths of a second: at 30
+            some of its frames last 0.03 s, others 0.04.
         speed : float, optional
             Seconds of the run per second of the film.
         size : int, optional
@@ -436,9 +437,10 @@ class Result(Outcome):
         view: str | tuple[float, float] | None,
         progress: bool | _progress.Progress | None,
     ) -> Path:
-        from vffnull.draw.figures.animation import animate, frames
+        from vffnull.draw.figures.animation import animate, check, frames
 
         _progress.check(progress)
+        check(path, fps, speed, size, view)
         how: Any = {"fps": fps, "speed": speed, "size": size, "view": view}
         if progress is not True:
             return animate(self, path, **how, progress=progress or None)

@@ -50,6 +50,10 @@ _BAYER = np.rint(
 ).astype(np.int16)  # in shades of 256
 _LEAST = 0.004  # of the picture's width, the shortest arrow that is drawn
 
+_GIF_RATES, _RATES = (0.01, 50), (0.01, 1000)
+"""Frames a second: one of a GIF lasts whole hundredths of a second, two of them at least."""
+_MOST = 100_000
+
 Progress = Callable[[float, float], None]
 Rows = NDArray[np.intp]
 
@@ -89,6 +93,9 @@ def check(path: Path, fps: float, speed: float, size: int | None = None, view: V
     for name, value in (("fps", fps), ("speed", speed)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name}: must be positive and finite, got {value}")
+    least, most = _GIF_RATES if path.suffix == ".gif" else _RATES
+    if not least <= fps <= most:
+        raise InputError(f"fps: a {path.suffix} has {least} to {most} frames a second, got {fps:g}")
     if size is not None:
         whole("size", size, *SIZES)
     if view is not None:
@@ -108,6 +115,10 @@ def angles(view: View) -> tuple[float, float]:
 def frames(result: Outcome, fps: float, speed: float) -> Rows:
     """The recorded instants that a film shows, the last one included."""
     begin, end = float(result.t[0]), float(result.t[-1])
+    if (end - begin) * fps > _MOST * speed:
+        raise InputError(
+            f"fps, speed: {(end - begin) / speed * fps:.3g} frames, and at most {_MOST} make a film"
+        )
     times = np.append(np.arange(begin, end, speed / fps), end)
     return np.minimum(np.searchsorted(result.t, times), len(result.t) - 1)
 
@@ -165,7 +176,10 @@ def _write_gif(picture: Picture, file: IO[bytes], fps: float, progress: Progress
             progress(i + 1, count)
 
     images = indexed()
-    pauses = [round(1000 / fps)] * (count - 1) + [1000]
+    ends = np.rint(100.0 / fps * np.arange(count)).astype(
+        int
+    )  # so that all of them last as long as they should
+    pauses = [*map(int, 10 * np.diff(ends)), 1000]
     next(images).save(file, format="GIF", save_all=True, append_images=images, duration=pauses, loop=0)
 
 
@@ -254,7 +268,8 @@ class _Picture:
             "target": self._line(6.0, "target", linestyle="none", marker="x", markersize=6),
         }  # fmt: skip
         self._clock = ax.text(1.0, 1.015, "", transform=ax.transAxes, ha="right", va="bottom")
-        ax.text(0.0, 1.015, result.scenario.name, transform=ax.transAxes, ha="left", va="bottom")
+        name = ax.text(0.0, 1.015, result.scenario.name, transform=ax.transAxes, ha="left", va="bottom",
+                       parse_math=False, in_layout=False)  # fmt: skip
         self._replans, self._shown_for = result.replans, replans.TOLD * speed
         self._news = ax.text(0.5, 1.015, "", transform=ax.transAxes, ha="center", va="bottom",
                              color=COLOURS["plan"], parse_math=False)  # fmt: skip
@@ -268,6 +283,8 @@ class _Picture:
         ]
         for artist in self._moving:
             artist.set_animated(True)
+        agg.draw()
+        style.fit(name, (0.3 if len(result.replans) else 0.6) * ax.bbox.width)
         agg.draw()
         self._background = agg.copy_from_bbox(self._figure.bbox)
 

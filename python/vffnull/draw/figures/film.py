@@ -76,7 +76,9 @@ class SpacePicture:
         self._corner = 0.0, float(round(strip * dpi))  # of the bodies' picture in the figure [dots]
         self._canvas = self._stage(dpi, view or (space.AZIMUTH + scene.next_corner, space.ELEVATION))
         top = 1.0 - 0.15 / height
-        figure.text(0.03, top, result.scenario.name, ha="left", va="center", weight="bold", fontsize=9)
+        name = figure.text(0.03, top, result.scenario.name, ha="left", va="center", weight="bold", fontsize=9,
+                           parse_math=False)  # fmt: skip
+        style.fit(name, 0.62 * figure.bbox.width)
         self._clock = self._say(0.03, top - 0.17 / height, ha="left", color=style.MUTED)
         self._nearest = self._say(0.97, top, ha="right", weight="bold", fontsize=9)
         self._off = self._say(0.97, top - 0.17 / height, ha="right", color=style.MUTED)
@@ -175,7 +177,8 @@ class SpacePicture:
         self._news.set_text(replans.beside(float(self._scene.t[row]), self._replans, self._shown_for))
         self._clock.set_text(f"t = {self._scene.t[row]:.2f} s{self._speed}")
         if np.isfinite(least):
-            self._nearest.set_text(f"clearance {1e3 * least:.0f} mm".replace("-", "−"))
+            digits = 1 if abs(least) < 1e-3 else 0  # which side of contact it is on
+            self._nearest.set_text(f"clearance {1e3 * least:.{digits}f} mm".replace("-", "−"))
             self._nearest.set_color(style.ALARM if least <= 0.0 else style.INK)
         error = float(self._error[row])
         factor, unit = style.prefixed(error, "m")

@@ -1,5 +1,6 @@
 //! How far the joints of an arm carry its links.
 
+use crate::interrupt;
 use crate::math::{Capsule, Vector, in_space};
 use crate::robot::{Manipulator, PlanarState, Robot, SpatialState};
 use nalgebra::Matrix3;
@@ -172,20 +173,21 @@ impl Levers {
             Some([lower, upper]) if robot.slides(k) => lower.abs().max(upper.abs()),
             _ => 0.0,
         };
-        let extent = |link: usize| {
-            let origin = robot.joint_position(link);
-            let bodies = robot.bodies().filter(|body| body.link == link);
-            bodies.map(|body| body.reach_from(&origin)).fold(0.0, f64::max)
-        };
+        let mut extent = vec![0.0_f64; n];
+        for body in robot.bodies() {
+            let from_joint = body.reach_from(&robot.joint_position(body.link));
+            extent[body.link] = extent[body.link].max(from_joint);
+        }
         let thickest = robot.bodies().map(|body| body.shape.radius).fold(0.0, f64::max);
         let (mut lever, mut reach) = (vec![0.0; n * n], 0.0);
         for i in 0..n {
+            interrupt::checkpoint(n);
             let mut along = travel(i);
             for link in i..n {
                 if i == 0 {
-                    reach = f64::max(reach, along + extent(link) + thickest);
+                    reach = f64::max(reach, along + extent[link] + thickest);
                 }
-                lever[i * n + link] = if robot.slides(i) { 1.0 } else { along + extent(link) };
+                lever[i * n + link] = if robot.slides(i) { 1.0 } else { along + extent[link] };
                 if link + 1 < n {
                     let next = robot.joint_position(link + 1) - robot.joint_position(link);
                     along += next.norm() + travel(link + 1);
