@@ -21,7 +21,7 @@ use std::fmt;
 /// assert!(matches!(error.problem, Problem::OutOfRange { .. }));
 /// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{}{problem}", prefix(&cut(.path)))]
+#[error("{}{}", prefix(&cut(.path)), readable(&problem.to_string()))]
 pub struct ScenarioError {
     /// Dotted path of the value, e.g. `obstacles[1].shape.radius`; empty for the whole document.
     pub path: String,
@@ -36,6 +36,26 @@ fn cut(text: &str) -> Cow<'_, str> {
         Some((end, _)) => format!("{}…", &text[..end]).into(),
         None => text.into(),
     }
+}
+
+/// A sentence in which numbers of more digits than anybody reads stand as powers of ten.
+pub(super) fn readable(text: &str) -> String {
+    const DIGITS: usize = 24;
+    let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
+    let mut said = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(begin) = rest.find(is_of_number) {
+        let (before, number) = rest.split_at(begin);
+        let end = number.find(|c| !is_of_number(c)).unwrap_or(number.len());
+        let (digits, after) = number.split_at(end);
+        said += before;
+        match digits.parse::<f64>() {
+            Ok(value) if digits.len() > DIGITS => said += &format!("{value:e}"),
+            _ => said += digits,
+        }
+        rest = after;
+    }
+    said + rest
 }
 
 fn prefix(path: &str) -> String {
@@ -206,5 +226,20 @@ impl ScenarioError {
         let separator = if self.path.is_empty() || self.path.starts_with('[') { "" } else { "." };
         self.path = format!("{key}{separator}{}", self.path);
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_hundreds_of_digits_are_powers_of_ten() {
+        let (large, small) = (format!("{}", 1e90), format!("{}", 2.5e-300));
+        let text = format!("got {large}, at most 0.25, of {small}s");
+        assert_eq!(readable(&text), "got 1e90, at most 0.25, of 2.5e-300s");
+        assert_eq!(readable("1.2.3 and ... 17"), "1.2.3 and ... 17");
+        let error = ScenarioError::out_of_range("a", "at most 1", 1e300);
+        assert!(error.to_string().len() < 40, "{error}");
     }
 }

@@ -1,6 +1,7 @@
 //! What is allowed but probably not meant.
 
 use super::Scenario;
+use super::error::readable;
 use super::scene::{FromDocument, ObstacleOf, Scene};
 use crate::control::{Avoidance, Settings, Unstable};
 use crate::math::Vector;
@@ -31,7 +32,7 @@ impl Scenario {
             warnings.extend(self.field_bound(&scene.obstacles, closed_loop));
             warnings.extend(self.stiff_posture::<_, D, M>(closed_loop.arm()));
         }
-        warnings
+        warnings.iter().map(|warning| readable(warning)).collect()
     }
 
     /// What is allowed but probably not meant.

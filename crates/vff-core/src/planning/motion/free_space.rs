@@ -27,6 +27,8 @@ const COARSEST: f64 = 5e-3;
 const FINEST_SHARE: f64 = 2e-4;
 /// A motion that needs shorter parts than this share of it counts as blocked.
 pub const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
+/// How many of what blocked the last motions are asked first.
+const BLOCKERS: usize = 8;
 /// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
 const LEAST_ASKED: f64 = 1e-6;
 /// What stands in the way of an arm, and the arm.
@@ -58,8 +60,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     twists: Vec<Twist>,
     /// What may be near in the parts of a motion that is certified.
     near: Vec<Near>,
-    /// What kept the last motion from being free that was not: likely to block the next one, too.
-    blocker: Option<Two>,
+    /// What kept the last motions from being free that were not: likely to block the next one, too.
+    blockers: Vec<Two>,
     /// The normals of the planes that told hulls apart last.
     planes: HashMap<Two, Vector<D>, FixedState>,
     /// How far the pairs of its own bodies were apart where they were looked at last.
@@ -170,7 +172,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             middle: vec![0.0; n],
             twists: vec![],
             near: vec![],
-            blocker: None,
+            blockers: vec![],
             planes: HashMap::default(),
             own,
         }
@@ -382,7 +384,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         near.clear();
         let blocker = self.blocker_of([a, b], &mut near);
         self.near = near;
-        self.blocker = blocker.or(self.blocker);
+        if let Some(blocker) = blocker {
+            self.blockers.retain(|two| *two != blocker);
+            self.blockers.truncate(BLOCKERS - 1);
+            self.blockers.insert(0, blocker);
+        }
         blocker.is_none()
     }
 
@@ -489,12 +495,13 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     }
 
     /// What blocks a motion where the arm is, in its middle; otherwise all that may be near in it are put into `near`. What blocked the
-    /// last one is asked first.
+    /// last ones is asked first.
     fn first_look(&mut self, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
-        if let Some(two) = self.blocker
-            && self.look(self.near(two, ends), 0.5).0 == Look::Blocked
-        {
-            return Some(two);
+        for k in 0..self.blockers.len() {
+            let two = self.blockers[k];
+            if self.look(self.near(two, ends), 0.5).0 == Look::Blocked {
+                return Some(two);
+            }
         }
         // How far each link looks around, in every world.
         let most = self.most_share;

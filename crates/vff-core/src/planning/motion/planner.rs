@@ -12,7 +12,7 @@ const SHORTCUTS: usize = 200;
 const ROUNDED: [f64; 2] = [0.5, 0.8];
 /// Of the samples, a search that a lower margin may follow gets one in so many; and after so many both trees have to have
 /// grown.
-const TRIAL: usize = 16;
+const TRIAL: usize = 32;
 const PATIENCE: usize = 50;
 /// How often another path is searched where no smooth motion was found near the last ones.
 const AGAIN: usize = 4;
