@@ -27,6 +27,8 @@ const MOST_MADE: usize = 256;
 struct Made {
     hull: Hull,
     around: Option<Capsule<3>>,
+    /// And as it was turned last.
+    turned: Option<(UnitQuaternion, Hull)>,
 }
 
 const _: () = assert!(2 * MAX_CORNERS - 4 <= Facing::BITS as usize);
@@ -116,12 +118,25 @@ impl Hull {
         Self::made(points, |made| made.hull.clone())
     }
 
+    /// The hull of these points, turned about the origin.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn new_turned(points: &[[f64; 3]], by: &UnitQuaternion) -> Result<Self, HullError> {
+        Self::made(points, |Made { hull, turned, .. }| {
+            if turned.as_ref().is_none_or(|(known, _)| known != by) {
+                *turned = Some((*by, hull.clone().turned(by)));
+            }
+            turned.as_ref().map_or_else(|| hull.clone(), |(_, turned)| turned.clone())
+        })
+    }
+
     /// The hull of these points and its [capsule](Self::enclosing).
     ///
     /// # Errors
     /// As [`new`](Self::new).
     pub(crate) fn with_capsule(points: &[[f64; 3]]) -> Result<(Self, Capsule<3>), HullError> {
-        Self::made(points, |Made { hull, around }| {
+        Self::made(points, |Made { hull, around, .. }| {
             (hull.clone(), *around.get_or_insert_with(|| hull.enclosing()))
         })
     }
@@ -130,7 +145,7 @@ impl Hull {
         if points.len() > MAX_POINTS {
             return Err(HullError::TooMany(points.len()));
         }
-        let new = || Ok(Made { hull: Self::of_points(points)?, around: None });
+        let new = || Ok(Made { hull: Self::of_points(points)?, around: None, turned: None });
         if points.len() > MAX_CORNERS {
             return Ok(take(&mut new()?));
         }
@@ -379,7 +394,7 @@ impl<'a> Faces<'a> {
 impl Hull {
     /// The same hull turned about the origin.
     #[must_use]
-    pub(crate) fn turned(mut self, by: &UnitQuaternion) -> Self {
+    fn turned(mut self, by: &UnitQuaternion) -> Self {
         let turn = |v: &mut Vector<3>| *v = by.rotate(v);
         for Corner { point, along } in &mut self.corners {
             turn(point);

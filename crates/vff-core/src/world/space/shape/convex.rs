@@ -7,8 +7,8 @@ use crate::math::{UnitQuaternion, Vector};
 
 /// The hull of the points, turned; of unusable ones a point.
 pub(super) fn around(vertices: &[[f64; 3]], turn: &UnitQuaternion) -> Core {
-    match Hull::new(vertices) {
-        Ok(hull) => Core::Hull(Box::new(hull.turned(turn))),
+    match Hull::new_turned(vertices, turn) {
+        Ok(hull) => Core::Hull(Box::new(hull)),
         Err(_) => Core::Point(Point(Vector::zeros())),
     }
 }
