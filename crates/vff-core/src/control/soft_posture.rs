@@ -1,7 +1,7 @@
 //! The spring to a posture, which asks joints that are moved within limits for no more speed than they can brake from (T202).
 
-use super::Gains;
 use super::reaction::Reaction;
+use super::{Gains, MotionLimits};
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
@@ -24,6 +24,7 @@ impl Spring<'_> {
     /// `out += K_v (q_d + η − q)` (T10, T168), or what is left of that where the joints are moved within limits: `κ δ` (T202), with δ
     /// \[rad, m\] the way to the posture nearest to q_d + η that does not move the task. Nothing without a posture. The workspaces have
     /// a number for each joint.
+    #[inline(always)]
     pub fn add_torque<R: Robot<D>, const D: usize, const M: usize>(
         self,
         robot: &R,
@@ -31,12 +32,30 @@ impl Spring<'_> {
         [unit, response]: [&mut [f64]; 2],
         out: &mut [f64],
     ) {
+        match &gains.moved {
+            Some(moved) if !self.on_plan => {
+                self.add_soft_torque(robot, gains, moved, [unit, response], out);
+            }
+            _ => {
+                gains.add_posture_torque(robot.configuration(), out);
+                if let Some(reaction) = self.reaction {
+                    out.iter_mut().zip(reaction.torque()).for_each(|(tau, given)| *tau += given);
+                }
+            }
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn add_soft_torque<R: Robot<D>, const D: usize, const M: usize>(
+        self,
+        robot: &R,
+        gains: &Gains<M>,
+        moved: &MotionLimits,
+        [unit, response]: [&mut [f64]; 2],
+        out: &mut [f64],
+    ) {
         let (q, posture) = (robot.configuration(), &gains.posture);
-        let Some(moved) = gains.moved.as_ref().filter(|_| !self.on_plan) else {
-            gains.add_posture_torque(q, out);
-            let given = self.reaction.iter().flat_map(|reaction| reaction.torque());
-            return out.iter_mut().zip(given).for_each(|(tau, given)| *tau += given);
-        };
         let stiffest = posture.iter().map(|(_, stiffness)| *stiffness).fold(0.0, f64::max);
         if stiffest == 0.0 {
             return;
@@ -83,7 +102,7 @@ fn in_task<R: Robot<D>, const D: usize, const M: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Law, MotionLimits, OperationalSpace, Projection, Settings};
+    use crate::control::{Law, OperationalSpace, Projection, Settings};
     use crate::math::ScalarOrVec;
     use crate::robot::Model;
     use crate::testing::{Case, case};
