@@ -2,6 +2,7 @@
 
 use super::reaction::Reaction;
 use super::{Gains, MotionLimits};
+use crate::math::symmetric::inverse;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
@@ -65,7 +66,18 @@ impl Spring<'_> {
             posture[i].0 + let_go - q[i]
         };
         let held = |i: usize| posture[i].1.max(FREE * stiffest);
-        let task = in_task::<R, D, M>(robot, q.len(), &error, &held);
+        // (J K⁻¹ Jᵀ)⁻¹ J e, the force at the task that takes out of the springs what moves it.
+        let (mut yields, mut off) = (SMatrix::<f64, M, M>::zeros(), SVector::<f64, M>::zeros());
+        for i in 0..q.len() {
+            let column = robot.jacobian_column::<M>(i);
+            yields += column * column.transpose() / held(i);
+            off += column * error(i);
+        }
+        // Without a direction in which J has lost its rank.
+        for row in 0..M {
+            yields[(row, row)] *= 1.0 + 1e-9;
+        }
+        let task = inverse(&yields).map_or(SVector::zeros(), |inverse| inverse * off);
         unit.fill(0.0);
         for (i, (_, stiffness)) in posture.iter().enumerate() {
             let way = error(i) - robot.jacobian_column::<M>(i).dot(&task) / held(i);
@@ -77,26 +89,6 @@ impl Spring<'_> {
             out[i] += stiffness.min(softest) * way;
         }
     }
-}
-
-/// (J K⁻¹ Jᵀ)⁻¹ J e, the force at the task that takes out of the springs, of `n` joints `held` so stiffly and off by this `error`, what moves
-/// it. Without a direction in which J has lost its rank.
-fn in_task<R: Robot<D>, const D: usize, const M: usize>(
-    robot: &R,
-    n: usize,
-    error: &impl Fn(usize) -> f64,
-    held: &impl Fn(usize) -> f64,
-) -> SVector<f64, M> {
-    let (mut yields, mut off) = (SMatrix::<f64, M, M>::zeros(), SVector::<f64, M>::zeros());
-    for i in 0..n {
-        let column = robot.jacobian_column::<M>(i);
-        yields += column * column.transpose() / held(i);
-        off += column * error(i);
-    }
-    for row in 0..M {
-        yields[(row, row)] *= 1.0 + 1e-9;
-    }
-    yields.cholesky().map_or(SVector::zeros(), |factor| factor.solve(&off))
 }
 
 #[cfg(test)]

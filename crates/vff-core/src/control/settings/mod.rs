@@ -143,7 +143,7 @@ settings! {
         null_damping: ScalarOrVec = ScalarOrVec::Uniform(2.0), "1/s", NOT_NEGATIVE;
         /// Joint angles that the posture spring pulls to; n numbers.
         posture: Option<Vec<f64>> = None, "rad";
-        /// K_v; needs `posture` or a plan.
+        /// K_v; needs `posture` or a plan, and for set points `null_damping`.
         posture_stiffness: ScalarOrVec = ScalarOrVec::Uniform(0.0), "N·m/rad", NOT_NEGATIVE;
         /// The virtual force field; off by default.
         field: Field = Field::OFF;
