@@ -29,6 +29,8 @@ const FINEST_SHARE: f64 = 2e-4;
 pub const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// How many of what blocked the last motions are asked first.
 const BLOCKERS: usize = 8;
+/// Pairs of the arm's own bodies are looked at anew everywhere where so many numbers would have to be remembered.
+const MOST_REMEMBERED: usize = 1 << 20;
 /// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
 const LEAST_ASKED: f64 = 1e-6;
 /// What stands in the way of an arm, and the arm.
@@ -68,7 +70,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     own: Vec<OwnRoom>,
 }
 
-/// How far two bodies of the arm were apart at least \[m\] where the joints were `at` \[rad or m\], and how they are numbered.
+/// How far two bodies of the arm were apart at least \[m\] where the joints were `at` \[rad or m\], if that is remembered, and how they
+/// are numbered.
 #[derive(Debug, Clone)]
 struct OwnRoom {
     two: Two,
@@ -116,14 +119,18 @@ fn moving<R: Robot<D>, const D: usize>(robot: &R, [a, b]: [usize; 2]) -> (usize,
 }
 
 impl OwnRoom {
-    fn unknown<R: Robot<D>, const D: usize>(robot: &R, pair: [usize; 2]) -> Self {
+    fn unknown<R: Robot<D>, const D: usize>(
+        robot: &R,
+        pair: [usize; 2],
+        remembered: usize,
+    ) -> Self {
         let (body, from) = moving(robot, pair);
         let link = robot.body(body).link;
         Self {
             two: Two::Own(pair),
             from,
             link,
-            at: vec![0.0; robot.dof()],
+            at: vec![0.0; remembered],
             apart: f64::NEG_INFINITY,
         }
     }
@@ -152,8 +159,9 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let still = Around::new(world.only(standing.iter().copied()), &standing, 0.0);
         let passing = Around::passing(world, &others, [start, start + duration], ball);
         let n = robot.dof();
-        let own = robot.body_pairs().filter(|_| keeps_apart);
-        let own = own.map(|pair| OwnRoom::unknown(&robot, pair)).collect();
+        let own: Vec<[usize; 2]> = robot.body_pairs().filter(|_| keeps_apart).collect();
+        let remembered = if own.len() * n <= MOST_REMEMBERED { n } else { 0 };
+        let own = own.into_iter().map(|pair| OwnRoom::unknown(&robot, pair, remembered)).collect();
         let most_own = world.most_margin();
         let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
@@ -540,14 +548,16 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             let OwnRoom { two, from, link, ref at, apart, .. } = self.own[k];
             let half = 0.5 * self.reach.way(ends, from, link);
             // No nearer than it has come since then.
-            let gone = self.reach.way([at, &self.middle], from, link);
-            if apart - gone >= keeps + drift + half {
+            let least = keeps + drift + half;
+            if apart >= least && apart - self.reach.way([at, &self.middle], from, link) >= least {
                 continue;
             }
             let seen = self.near(two, ends);
             let (look, apart) = self.look(seen, 0.5);
-            self.own[k].at.copy_from_slice(&self.middle);
-            self.own[k].apart = apart;
+            if !self.own[k].at.is_empty() {
+                self.own[k].at.copy_from_slice(&self.middle);
+                self.own[k].apart = apart;
+            }
             match look {
                 Look::Blocked => return Some(two),
                 Look::Near => near.push(seen),
