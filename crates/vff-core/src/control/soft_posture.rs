@@ -2,6 +2,7 @@
 
 use super::reaction::Reaction;
 use super::{Gains, MotionLimits};
+use crate::interrupt;
 use crate::math::symmetric::inverse;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
@@ -21,6 +22,16 @@ pub struct Spring<'a> {
     pub reaction: Option<&'a Reaction>,
 }
 
+/// What is asked of an arm, so that this is compiled once for each kind of task.
+struct Arm<'a, const M: usize> {
+    /// Its configuration \[rad, m\].
+    q: &'a [f64],
+    /// A column of the Jacobian.
+    column: &'a dyn Fn(usize) -> SVector<f64, M>,
+    /// M⁻¹ of a torque \[rad/s², m/s²\].
+    accelerate: &'a dyn Fn(&[f64], &mut [f64]),
+}
+
 impl Spring<'_> {
     /// `out += K_v (q_d + η − q)` (T10, T168), or what is left of that where the joints are moved within limits: `κ δ` (T202), with δ
     /// \[rad, m\] the way to the posture nearest to q_d + η that does not move the task. Nothing without a posture. The workspaces have
@@ -35,7 +46,12 @@ impl Spring<'_> {
     ) {
         match &gains.moved {
             Some(moved) if !self.on_plan => {
-                self.add_soft_torque(robot, gains, moved, [unit, response], out);
+                let arm = Arm {
+                    q: robot.configuration(),
+                    column: &|i| robot.jacobian_column(i),
+                    accelerate: &|torque, out| robot.mass_solve(torque, out),
+                };
+                self.add_soft_torque(&arm, gains, moved, [unit, response], out);
             }
             _ => {
                 gains.add_posture_torque(robot.configuration(), out);
@@ -48,15 +64,15 @@ impl Spring<'_> {
 
     #[cold]
     #[inline(never)]
-    fn add_soft_torque<R: Robot<D>, const D: usize, const M: usize>(
+    fn add_soft_torque<const M: usize>(
         self,
-        robot: &R,
+        arm: &Arm<'_, M>,
         gains: &Gains<M>,
         moved: &MotionLimits,
         [unit, response]: [&mut [f64]; 2],
         out: &mut [f64],
     ) {
-        let (q, posture) = (robot.configuration(), &gains.posture);
+        let (Arm { q, column, accelerate }, posture) = (arm, &gains.posture);
         let stiffest = posture.iter().map(|(_, stiffness)| *stiffness).fold(0.0, f64::max);
         if stiffest == 0.0 {
             return;
@@ -69,7 +85,7 @@ impl Spring<'_> {
         // (J K⁻¹ Jᵀ)⁻¹ J e, the force at the task that takes out of the springs what moves it.
         let (mut yields, mut off) = (SMatrix::<f64, M, M>::zeros(), SVector::<f64, M>::zeros());
         for i in 0..q.len() {
-            let column = robot.jacobian_column::<M>(i);
+            let column = column(i);
             yields += column * column.transpose() / held(i);
             off += column * error(i);
         }
@@ -80,9 +96,10 @@ impl Spring<'_> {
         let task = inverse(&yields).map_or(SVector::zeros(), |inverse| inverse * off);
         unit.fill(0.0);
         for (i, (_, stiffness)) in posture.iter().enumerate() {
-            let way = error(i) - robot.jacobian_column::<M>(i).dot(&task) / held(i);
+            interrupt::checkpoint(16 * q.len());
+            let way = error(i) - column(i).dot(&task) / held(i);
             unit[i] = 1.0;
-            robot.mass_solve(unit, response);
+            accelerate(unit, response);
             unit[i] = 0.0;
             let damping = gains.null_damping.get(i) / response[i];
             let softest = SPEED * damping * (moved.acceleration[i] / way.abs()).sqrt();
