@@ -13,7 +13,7 @@ const SAME: f64 = 0.1;
 
 /// The nearest first; compiled once, whatever the task.
 #[inline(never)]
-fn sort_by_distance<T>(all: &mut [(f64, T)]) {
+pub(super) fn sort_by_distance<T>(all: &mut [(f64, T)]) {
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
 }
 
