@@ -31,7 +31,7 @@ __all__ = ["Collision", "MeshReader", "Pieces", "finish", "options", "solid_of",
 Collision = Literal["fit", "file", "none"]
 Pieces = int | Mapping[str, int]
 HUGE = 3.0
-"""Shapes so many times as large as the arm is long are taken for those in other units."""
+"""Shapes so many times as large as the arm is long, or as a metre, are taken for those in other units."""
 MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
 """From a mesh of the model and a name for messages to its surface."""
 
@@ -153,7 +153,7 @@ def _huge(arm: Mapping[str, Any], fits: Sequence[Fit], odd: list[str]) -> set[st
     for fit in fits:
         corners, radius = core_in_space(fit.shape)
         sizes[fit.link] = max(sizes[fit.link], float(np.ptp(corners, axis=0).max()) + 2.0 * radius)
-    huge = {link for link, size in sizes.items() if size > HUGE * max(reach, 0.1)}
+    huge = {link for link, size in sizes.items() if size > HUGE * max(reach, 1.0)}
     if huge:
         named = listed([f"`{link}`" for link in sizes if link in huge])
         largest = max(sizes.values())

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull._support.extras import extra
-from vffnull._support.files import writable
 
 if TYPE_CHECKING:
     from vffnull.arms._meshes import Packages
@@ -84,6 +83,7 @@ def live(
     """
     if port is not None and (isinstance(port, bool) or not isinstance(port, int)):
         raise InputTypeError(f"port: expected a whole number, got {type(port).__name__}")
+    from vffnull._support.files import writable
     from vffnull.live.ports import free
 
     port = free(port)
