@@ -48,12 +48,14 @@ class Recording:
         self._live.record(False)
 
     def close(self) -> None:
-        """Write what is left and end the file."""
+        """Write what is left and end the file; it is recorded until that is there."""
         try:
             self.drain()
         finally:
-            self._live.record(False)
-            self._recorder.close()
+            try:
+                self._recorder.close()
+            finally:
+                self._live.record(False)
 
 
 class Recorder:
@@ -87,11 +89,14 @@ class Recorder:
 
     def end(self) -> tuple[Path, int] | None:
         """End a recording; its file and the number of its rows."""
-        recording, self._recording = self._recording, None
+        recording = self._recording
         if recording is None:
             return None
-        recording.close()
-        self._show(False)
+        try:
+            recording.close()
+        finally:
+            self._recording = None
+            self._show(False)
         return recording.path, recording.rows
 
     def drain(self) -> None:
