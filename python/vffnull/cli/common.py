@@ -32,12 +32,17 @@ FINE, WRONG_INPUT, FAILED, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 COLOURS = {"good": "green", "odd": "yellow", "bad": "red"}
 
 
-def has_folder(file: Path, *read: str | Path) -> None:
+def can_write(file: Path, *read: str | Path) -> None:
     """Refuse a file that cannot be written, or that is one to `read`, before anything is computed."""
     apart(file, *read)
+    writable(file.parent)
+
+
+def has_folder(file: Path, *read: str | Path) -> None:
+    """The same where its folder has to be there."""
     if not file.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file))
-    writable(file.parent)
+    can_write(file, *read)
 
 
 def complete_scenario(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:

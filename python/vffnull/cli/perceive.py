@@ -13,9 +13,8 @@ from click.shell_completion import CompletionItem
 
 import vffnull._core as _core
 from vffnull._support.errors import InputError
-from vffnull._support.files import apart, writable
 from vffnull._support.progress import bar
-from vffnull.cli.common import FAILED, FINE, assigned, echo_json, interactive, say
+from vffnull.cli.common import FAILED, FINE, assigned, can_write, echo_json, interactive, say
 
 if TYPE_CHECKING:
     from vffnull.run.calibrate import CameraCalibration
@@ -104,8 +103,7 @@ def perceive(
     from vffnull.run.recording import read_cameras
 
     if out is not None:
-        apart(out, recording, arm_name, *(each for each in (cameras, known) if each is not None))
-        writable(out.parent)
+        can_write(out, recording, arm_name, *(each for each in (cameras, known) if each is not None))
     arm = _arm(arm_name)
     given = None if cameras is None else read_cameras(cameras)
     where: dict[str, Any] = {"cameras": given, "topics": topics, "base": base, "joints": joints}

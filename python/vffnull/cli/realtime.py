@@ -13,11 +13,11 @@ import vffnull._core as _core
 from vffnull._support import progress as _progress
 from vffnull._support.errors import InputError
 from vffnull._support.figures import checked_file
-from vffnull._support.files import apart, writable
 from vffnull.cli.common import (
     FAILED,
     FINE,
     INTERRUPTED,
+    can_write,
     complete_scenario,
     echo_json,
     interactive,
@@ -100,8 +100,7 @@ def realtime(
         raise InputError("--disturbed: needs --robot")
     if plot_to is not None:  # find out before the run, not after it
         checked_file(plot_to)
-        apart(plot_to, scenario)
-        writable(plot_to.parent)
+        can_write(plot_to, scenario)
     bar = interactive() and not as_json
     report = measure(ready, rate, seconds, priority, core, progress=bar)
     for note in report.notes:

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from vffnull._support.files import apart, writable
 from vffnull.cli.common import (
+    can_write,
     complete_scenario,
     echo_json,
     exit_code,
@@ -83,8 +83,7 @@ def animate(
     from vffnull.draw.figures.animation import check
 
     check(file, fps, speed, size, view)  # before the run, not after it
-    apart(file, source)
-    writable(file.parent)
+    can_write(file, source)
     result = run_or_load(source, assignments, quiet)
     bar = interactive() and not quiet
     path = result.animate(file, fps=fps, speed=speed, size=size, view=view, progress=bar)

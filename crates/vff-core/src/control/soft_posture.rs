@@ -1,5 +1,6 @@
 //! The spring to a posture, which asks joints that are moved within limits for no more speed than they can brake from (T202).
 
+use super::moving_posture::MovingPosture;
 use super::reaction::Reaction;
 use super::{Gains, MotionLimits};
 use crate::interrupt;
@@ -13,11 +14,11 @@ const SPEED: f64 = 0.5;
 /// Joints that are free count as held by this share of the stiffest spring, where the way to the posture is shared out.
 const FREE: f64 = 1e-6;
 
-/// What becomes of the spring beside the task.
+/// The spring, and what changes it.
 #[derive(Debug, Clone, Copy)]
 pub struct Spring<'a> {
-    /// Whether its posture is on a plan: what moves the joints keeps an arm from swinging about that anyway.
-    pub on_plan: bool,
+    /// What moves its posture, if anything does: along a plan, what moves the joints keeps an arm from swinging anyway.
+    pub moving: Option<&'a MovingPosture>,
     /// What gives way to a push, if anything does.
     pub reaction: Option<&'a Reaction>,
 }
@@ -45,7 +46,7 @@ impl Spring<'_> {
         out: &mut [f64],
     ) {
         match &gains.moved {
-            Some(moved) if !self.on_plan => {
+            Some(moved) if !self.moving.is_some_and(MovingPosture::is_along) => {
                 let arm = Arm {
                     q: robot.configuration(),
                     column: &|i| robot.jacobian_column(i),
@@ -135,7 +136,7 @@ mod tests {
         let mut space = OperationalSpace::new(n, 0.0, gains.metric::<2>());
         space.update(&mut robot, &case.q, &case.dq);
         let (mut unit, mut response, mut torque) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let spring = Spring { on_plan: false, reaction: None };
+        let spring = Spring { moving: None, reaction: None };
         spring.add_torque(&robot, &gains, [&mut unit, &mut response], &mut torque);
         Law::new(n).project(&robot, &space, Projection::Dynamic, &mut torque);
         torque

@@ -176,9 +176,8 @@ def _write_gif(picture: Picture, file: IO[bytes], fps: float, progress: Progress
             progress(i + 1, count)
 
     images = indexed()
-    ends = np.rint(100.0 / fps * np.arange(count)).astype(
-        int
-    )  # so that all of them last as long as they should
+    # Whole hundredths of a second, so that all frames together last as long as they should.
+    ends = np.rint(100.0 / fps * np.arange(count)).astype(int)
     pauses = [*map(int, 10 * np.diff(ends)), 1000]
     next(images).save(file, format="GIF", save_all=True, append_images=images, duration=pauses, loop=0)
 
@@ -283,7 +282,7 @@ class _Picture:
         ]
         for artist in self._moving:
             artist.set_animated(True)
-        agg.draw()
+        self._figure.draw_without_rendering()
         style.fit(name, (0.3 if len(result.replans) else 0.6) * ax.bbox.width)
         agg.draw()
         self._background = agg.copy_from_bbox(self._figure.bbox)

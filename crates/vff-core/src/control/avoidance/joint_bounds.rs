@@ -146,7 +146,7 @@ impl JointBounds {
         (0..ddq.len()).all(|i| {
             let (q, dq, ddq, most) =
                 (robot.configuration()[i], robot.velocity()[i], ddq[i], speed[i]);
-            let bound = |dq| guarded_acceleration(*rate, most, dq) - brake_beyond(*rate, most, dq);
+            let bound = |dq| self.towards_speed(i, dq);
             // The first is never more than either bound, and nearly always enough.
             let is_slow =
                 ddq.abs() <= rate * (most - dq.abs()) || (-bound(-dq) <= ddq && ddq <= bound(dq));
@@ -198,19 +198,9 @@ impl JointBounds {
         bias: &[f64],
         work: [&mut [f64]; 2],
     ) -> [f64; 2] {
-        let Self { rate: k, speed, joints, angle, share, braking, .. } = self;
-        let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
-        let [mut lower, mut upper] = match joints {
-            Joints::All => [-k * (share * most + dq), k * (share * most - dq)],
-            Joints::Angles => [f64::NEG_INFINITY, f64::INFINITY],
-            Joints::Guarded => {
-                [-guarded_acceleration(*k, most, -dq), guarded_acceleration(*k, most, dq)]
-            }
-        };
-        if *joints != Joints::Angles {
-            (lower, upper) =
-                (lower + brake_beyond(*k, most, -dq), upper - brake_beyond(*k, most, dq));
-        }
+        let Self { rate: k, angle, share, braking, .. } = self;
+        let (q, dq) = (robot.configuration()[i], robot.velocity()[i]);
+        let [mut lower, mut upper] = [-self.towards_speed(i, -dq), self.towards_speed(i, dq)];
         if let Some([low, high]) = robot.limits().kept_angles(i, *angle) {
             if let Some(braking) = braking.get(i) {
                 let towards = |height: f64, dq: f64| {
@@ -224,6 +214,19 @@ impl JointBounds {
             (lower, upper) = (lower.max(least), upper.min(most));
         }
         [lower, upper]
+    }
+
+    /// The largest q̈ of joint `i` towards its largest speed, at the speed `dq`, which has that sign: (T68), or (T153) where it is guarded,
+    /// and beyond that speed (T164).
+    fn towards_speed(&self, i: usize, dq: f64) -> f64 {
+        let Self { rate: k, speed, joints, share, .. } = self;
+        let most = speed[i];
+        let towards = match joints {
+            Joints::All => k * (share * most - dq),
+            Joints::Angles => return f64::INFINITY,
+            Joints::Guarded => guarded_acceleration(*k, most, dq),
+        };
+        towards - brake_beyond(*k, most, dq)
     }
 
     /// The least and the largest q̈ with which joint `i` stays between these angles, or comes back to them (T162).

@@ -440,9 +440,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             self.scaling = (self.share - 1.0) * injected;
             tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
         }
-        let (Parts { task, posture, .. }, reaction) = (parts, self.reaction.as_deref());
-        let on_plan = self.moving.as_ref().is_some_and(|moving| moving.is_along());
-        Spring { on_plan, reaction }.add_torque(robot, gains, [task, posture], tau_sec);
+        let Parts { task, posture, .. } = parts;
+        let (moving, reaction) = (self.moving.as_deref(), self.reaction.as_deref());
+        Spring { moving, reaction }.add_torque(robot, gains, [task, posture], tau_sec);
         if let Some(moving) = self.moving.as_mut().filter(|moving| moving.has_moved()) {
             moving.update_torque(robot, gains, law.brake);
             tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
@@ -465,9 +465,8 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         gains.null_damping.scale_momentum(robot, law.brake, posture, damping, avoidance);
         damping.iter_mut().for_each(|tau| *tau = -*tau);
         posture.fill(0.0);
-        let on_plan = self.moving.as_ref().is_some_and(|moving| moving.is_along());
-        let spring = Spring { on_plan, reaction: self.reaction.as_deref() };
-        spring.add_torque(robot, gains, [task, avoidance], posture);
+        let (moving, reaction) = (self.moving.as_deref(), self.reaction.as_deref());
+        Spring { moving, reaction }.add_torque(robot, gains, [task, avoidance], posture);
         robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
         if let Some(moving) = &self.moving {
             posture.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);

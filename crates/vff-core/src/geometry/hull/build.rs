@@ -123,11 +123,9 @@ impl Hull {
     /// # Errors
     /// As [`new`](Self::new).
     pub(crate) fn new_turned(points: &[[f64; 3]], by: &UnitQuaternion) -> Result<Self, HullError> {
-        Self::made(points, |Made { hull, turned, .. }| {
-            if turned.as_ref().is_none_or(|(known, _)| known != by) {
-                *turned = Some((*by, hull.clone().turned(by)));
-            }
-            turned.as_ref().map_or_else(|| hull.clone(), |(_, turned)| turned.clone())
+        Self::made(points, |Made { hull, turned, .. }| match &*turned {
+            Some((known, turned)) if known == by => turned.clone(),
+            _ => turned.insert((*by, hull.clone().turned(by))).1.clone(),
         })
     }
 

@@ -7,13 +7,13 @@
 use super::around::{Around, Window};
 use super::levers::{Jointed, Levers, Twist};
 use super::margins::{APART, Margins};
+use super::own_room::{OwnRoom, moving};
 use super::tilt::Tilt;
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::Vector;
-use crate::robot::Robot;
 use crate::world::{CollisionQuery, ObstacleGeometry, PairMargin, World};
 use foldhash::fast::FixedState;
 use std::collections::{HashMap, VecDeque};
@@ -29,10 +29,9 @@ const FINEST_SHARE: f64 = 2e-4;
 pub const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// How many of what blocked the last motions are asked first.
 const BLOCKERS: usize = 8;
-/// Pairs of the arm's own bodies are looked at anew everywhere where so many numbers would have to be remembered.
-const MOST_REMEMBERED: usize = 1 << 20;
 /// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
 const LEAST_ASKED: f64 = 1e-6;
+
 /// What stands in the way of an arm, and the arm.
 #[derive(Debug, Clone)]
 pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
@@ -70,17 +69,6 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     own: Vec<OwnRoom>,
 }
 
-/// How far two bodies of the arm were apart at least \[m\] where the joints were `at` \[rad or m\], if that is remembered, and how they
-/// are numbered.
-#[derive(Debug, Clone)]
-struct OwnRoom {
-    two: Two,
-    from: Option<usize>,
-    link: usize,
-    at: Vec<f64>,
-    apart: f64,
-}
-
 /// Two that must not come too near to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Two {
@@ -110,32 +98,6 @@ struct Near {
 /// The two ends of a motion that is certified.
 type Ends<'a> = [&'a [f64]; 2];
 
-/// Of two bodies of an arm, the still ones counted behind the others, the one that moves as the other sees it, and the link that carries
-/// the other.
-fn moving<R: Robot<D>, const D: usize>(robot: &R, [a, b]: [usize; 2]) -> (usize, Option<usize>) {
-    let link = |i: usize| (i < robot.body_count()).then(|| robot.body(i).link);
-    // The base, None, is before all links.
-    if link(a) < link(b) { (b, link(a)) } else { (a, link(b)) }
-}
-
-impl OwnRoom {
-    fn unknown<R: Robot<D>, const D: usize>(
-        robot: &R,
-        pair: [usize; 2],
-        remembered: usize,
-    ) -> Self {
-        let (body, from) = moving(robot, pair);
-        let link = robot.body(body).link;
-        Self {
-            two: Two::Own(pair),
-            from,
-            link,
-            at: vec![0.0; remembered],
-            apart: f64::NEG_INFINITY,
-        }
-    }
-}
-
 impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Of `robot` in `world`; what moves blocks every place that it passes within `window`; without one it is not there.
     pub fn new(
@@ -159,9 +121,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let still = Around::new(world.only(standing.iter().copied()), &standing, 0.0);
         let passing = Around::passing(world, &others, [start, start + duration], ball);
         let n = robot.dof();
-        let own: Vec<[usize; 2]> = robot.body_pairs().filter(|_| keeps_apart).collect();
-        let remembered = if own.len() * n <= MOST_REMEMBERED { n } else { 0 };
-        let own = own.into_iter().map(|pair| OwnRoom::unknown(&robot, pair, remembered)).collect();
+        let own = if keeps_apart { OwnRoom::of_all(&robot) } else { vec![] };
         let most_own = world.most_margin();
         let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
@@ -266,10 +226,13 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             interrupt::checkpoint((32 + world.len()) * robot.body_count());
             for (i, body) in robot.bodies().enumerate() {
                 let link = body.link;
-                world.for_each_own_margin(&body, |margin, d| own(link, margin, d - slack));
+                let has_own = world.most_margin() > 0.0;
+                if has_own {
+                    world.for_each_own_margin(&body, |margin, d| own(link, margin, d - slack));
+                }
                 let mut least = room[link] + slack;
                 world.for_each_within(boxes, &body, least, |world, obstacle| {
-                    if !world.margin_of(obstacle, &body).is_own() {
+                    if !(has_own && world.margin_of(obstacle, &body).is_own()) {
                         let two = Two::Obstacle { body: i, world: number, obstacle };
                         let plane = planes.entry(two).or_insert_with(Vector::zeros);
                         least = least.min(world.at_least(obstacle, &body, least, plane));
@@ -457,7 +420,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         Twist::of_links(&self.robot, [a, b], &mut self.twists);
     }
 
-    /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is.
+    /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is, and how far they are apart there
+    /// at least \[m\].
     fn look(&mut self, near: Near, half: f64) -> (Look, f64) {
         let Near { two, body, from, way, bend, drift, share } = near;
         let Self { robot, worlds, margins, reach, middle, planes, twists, .. } = self;
@@ -545,19 +509,14 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let keeps = self.apart_at(&self.middle);
         let drift = 0.5 * self.margins.apart_change(ends, &self.reach);
         for k in 0..self.own.len() {
-            let OwnRoom { two, from, link, ref at, apart, .. } = self.own[k];
-            let half = 0.5 * self.reach.way(ends, from, link);
-            // No nearer than it has come since then.
-            let least = keeps + drift + half;
-            if apart >= least && apart - self.reach.way([at, &self.middle], from, link) >= least {
+            let half = 0.5 * self.own[k].way(&self.reach, ends);
+            if self.own[k].is_apart(&self.reach, &self.middle, keeps + drift + half) {
                 continue;
             }
+            let two = Two::Own(self.own[k].pair);
             let seen = self.near(two, ends);
             let (look, apart) = self.look(seen, 0.5);
-            if !self.own[k].at.is_empty() {
-                self.own[k].at.copy_from_slice(&self.middle);
-                self.own[k].apart = apart;
-            }
+            self.own[k].remember(&self.middle, apart);
             match look {
                 Look::Blocked => return Some(two),
                 Look::Near => near.push(seen),

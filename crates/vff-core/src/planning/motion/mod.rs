@@ -9,6 +9,7 @@ mod free_space;
 mod goals;
 mod levers;
 mod margins;
+mod own_room;
 mod plan;
 mod planner;
 mod report;

@@ -124,12 +124,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     /// The law hears what became of its last torque, `elapsed` \[s\] ago, where nobody watches over that.
     fn hear_wanted(&mut self, elapsed: f64) {
-        let Self { controller, fading, output, .. } = self;
         if self.sets_points {
-            let left = fading.as_mut().filter(|fading| fading.is_left());
-            left.into_iter().for_each(|left| left.controller.hear_of_time(elapsed));
-            return controller.hear_of_time(elapsed);
+            self.left().into_iter().for_each(|left| left.hear_of_time(elapsed));
+            return self.controller.hear_of_time(elapsed);
         }
+        let Self { controller, fading, output, .. } = self;
         let mut output = output.as_deref_mut();
         if let Some(fading) = fading.as_mut().filter(|fading| fading.is_left()) {
             let total = &controller.torque().total;

@@ -35,9 +35,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// [`hear`](Self::hear) where what moves the joints is no torque, which says nothing of what acts from outside: of that, an observer
     /// knows what is measured alone.
     pub fn hear_of_time(&mut self, elapsed: f64) {
-        let is_measured =
-            self.gains.observer.as_ref().map(|given| given.source == Source::Measured);
-        self.update_observer(is_measured.unwrap_or(false).then_some(elapsed));
+        let given = self.gains.observer.as_ref();
+        let is_measured = given.is_some_and(|given| given.source == Source::Measured);
+        self.update_observer(is_measured.then_some(elapsed));
     }
 
     /// Takes in the observed state, to which what has acted has led.
