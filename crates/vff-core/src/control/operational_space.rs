@@ -59,15 +59,17 @@ impl<const M: usize> OperationalSpace<M> {
         self.dx = robot.task_velocity();
         // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
         // than the inverse.
-        let regular = symmetric::inverse(&lambda_inv).filter(|l| {
-            let trace = self.metric.trace(l);
+        self.lambda = lambda_inv;
+        let is_regular = symmetric::invert(&mut self.lambda) && {
+            let trace = self.metric.trace(&self.lambda);
             trace > 0.0 && trace * self.threshold < 1.0
-        });
-        self.singular = regular.is_none();
-        (self.lambda, self.lambda_damped) = match regular {
-            Some(lambda) => (lambda, lambda),
-            None => self.near_singularity(lambda_inv),
         };
+        self.singular = !is_regular;
+        if is_regular {
+            self.lambda_damped = self.lambda;
+        } else {
+            (self.lambda, self.lambda_damped) = self.near_singularity(lambda_inv);
+        }
     }
 
     /// Per eigenvalue σ of Λ⁻¹: 1/σ for the projector as long as σ is distinguishable from zero,

@@ -5,19 +5,27 @@
 use nalgebra::{SMatrix, SVector};
 
 /// The inverse of a symmetric positive definite matrix; None where it is found not to be one.
+#[inline]
+pub fn inverse<const M: usize>(a: &SMatrix<f64, M, M>) -> Option<SMatrix<f64, M, M>> {
+    let mut inverse = *a;
+    invert(&mut inverse).then_some(inverse)
+}
+
+/// The same in its place, where something else is left if it is found not to be one: whether it was inverted.
 ///
 /// Closed forms up to three rows; beyond, Gauss–Jordan elimination, which needs no pivoting here and is as
 /// accurate as Cholesky's factorisation (Peters and Wilkinson, 1975).
 #[inline]
-pub fn inverse<const M: usize>(a: &SMatrix<f64, M, M>) -> Option<SMatrix<f64, M, M>> {
+pub fn invert<const M: usize>(a: &mut SMatrix<f64, M, M>) -> bool {
     if M < 4 {
-        return a.try_inverse();
+        let inverse = a.try_inverse();
+        *a = inverse.unwrap_or(*a);
+        return inverse.is_some();
     }
-    let mut a = *a;
     for k in 0..M {
         let pivot = a[(k, k)];
         if pivot.is_nan() || pivot <= 0.0 {
-            return None;
+            return false;
         }
         // Symmetric after every sweep; after the last it is −A⁻¹.
         let (scale, column) = (1.0 / pivot, SVector::<f64, M>::from(a.column(k)));
@@ -32,7 +40,8 @@ pub fn inverse<const M: usize>(a: &SMatrix<f64, M, M>) -> Option<SMatrix<f64, M,
         }
         a[(k, k)] = -scale;
     }
-    Some(-a)
+    a.neg_mut();
+    true
 }
 
 /// The determinant of a symmetric positive semidefinite matrix, by elimination.

@@ -263,7 +263,11 @@ impl<A: Model<D>, S: ObstacleGeometry<D>, const D: usize> Plant<A, S, D> {
     }
 
     /// In how many parts a plant step of `dt` \[s\] is taken, so that no spring is too stiff for it (T147).
+    #[inline]
     pub fn parts(&self, dt: f64) -> u32 {
+        if self.rate <= 0.0 {
+            return 1; // most arms touch nothing
+        }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let parts = (self.rate * dt / SHARE).ceil().clamp(1.0, MAX_PARTS) as u32;
         parts

@@ -375,15 +375,21 @@ impl Record {
         }
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);
-        self.tau_ext.extend_from_slice(s.tau_ext.unwrap_or_default());
-        self.contact_force.extend_from_slice(s.contact_force.unwrap_or_default());
-        self.tau_ext_estimate.extend_from_slice(s.tau_ext_estimate.unwrap_or_default());
-        self.wrench_estimate.extend_from_slice(s.wrench_estimate.unwrap_or_default());
+        for (column, values) in [
+            (&mut self.tau_ext, s.tau_ext),
+            (&mut self.contact_force, s.contact_force),
+            (&mut self.tau_ext_estimate, s.tau_ext_estimate),
+            (&mut self.wrench_estimate, s.wrench_estimate),
+            (&mut self.contact_deviation, s.contact_deviation),
+            (&mut self.contact_threshold, s.contact_threshold),
+        ] {
+            if let Some(values) = values {
+                column.extend_from_slice(values);
+            }
+        }
         #[expect(clippy::cast_precision_loss, reason = "few links")]
         let touched = |link| if link < s.q.len() { link as f64 } else { f64::NAN };
         self.touched_link.extend(s.touched_link.map(touched));
-        self.contact_deviation.extend_from_slice(s.contact_deviation.unwrap_or_default());
-        self.contact_threshold.extend_from_slice(s.contact_threshold.unwrap_or_default());
         self.yielded.extend(s.yielded);
         #[expect(clippy::cast_precision_loss, reason = "few parts")]
         self.released.extend(s.released.map(|parts| parts as f64));

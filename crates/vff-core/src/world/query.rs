@@ -211,7 +211,10 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             for (index, body) in bodies {
                 let Body { link, shape, hull, .. } = body;
                 let probe = S::probe(&shape);
-                if let Some(hull) = &hull {
+                // There are no hulls in the plane.
+                if D > 2
+                    && let Some(hull) = &hull
+                {
                     let mut found = |pair, obstacle: &_, turn: Option<&_>| {
                         meet(pair, &probe, Some(hull), obstacle, turn);
                     };

@@ -21,19 +21,25 @@ pub struct Margins {
     own: f64,
     /// How much of it a plan says, from 0 to 1.
     by_plan: f64,
+    /// Whether all of this is what the settings ask for.
+    is_usual: bool,
 }
 
 impl Margins {
     /// Those of `settings`, for `n` links.
     pub fn new(n: usize, settings: &Yielding) -> Self {
         let (usual, of_links) = (settings.margin, vec![[0.0; 3]; 2 * n]);
-        let mut this = Self { usual, of_links, own: OWN, by_plan: 0.0 };
+        let mut this = Self { usual, of_links, own: OWN, by_plan: 0.0, is_usual: false };
         this.go_to(None);
         this
     }
 
     /// Goes to where a plan is at `pace`; without one, or where it says nothing, to those of the settings.
     pub fn go_to(&mut self, plan: Option<(&JointSpline, &Pace)>) {
+        if plan.is_none() && self.is_usual {
+            return;
+        }
+        self.is_usual = plan.is_none();
         if let Some((joints, pace)) = plan
             && let Some(kept) = joints.margins()
         {
