@@ -1072,6 +1072,8 @@ class LiveState(TypedDict):
     replans: int
     """Plans that were taken over so far, and how often the arm got stuck: with ``[replan]``."""
     times_stuck: int
+    search: str | None
+    """What came of the last search for a plan, "searching" before its end; None if there was none."""
 
 @final
 class Live:
@@ -1105,6 +1107,12 @@ class Live:
         """Take the reference to a place (D,) [m] or as near to it as the arm can reach, smoothly and not
         faster than a quarter of the reach per second.
         """
+    def plan(self) -> None:
+        """Plan a motion to where the reference comes to rest, such as where the target is, in a thread of its
+        own, and follow it when it is found; `search` of a snapshot says what has come of it. Without
+        `[replan]` others follow only where that is blocked, and a recording ends that has no plans.
+        """
+
     def grab(self, link: str, point: ArrayLike) -> None:
         """Take hold of a link at a point (D,) of its frame [m], with a spring that `pull_by` lets pull."""
 

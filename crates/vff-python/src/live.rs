@@ -93,6 +93,7 @@ struct Shown {
     t: f64,
     q_plan: Option<Vec<f64>>,
     replans: ReplanCounts,
+    search: Option<&'static str>,
     released: Option<Vec<Option<&'static str>>>,
     /// What obstacles that are felt press the arm with, all of them \[N\].
     pressed: Option<f64>,
@@ -131,6 +132,7 @@ impl Shown {
             t: s.t,
             q_plan: s.q_plan.map(<[f64]>::to_vec),
             replans: s.replans.unwrap_or_default(),
+            search: live.last_search(),
             released,
             pressed: s.contact_force.map(|force| {
                 let along = |axis: usize| force.iter().skip(axis).step_by(s.dimension).sum::<f64>();
@@ -171,6 +173,7 @@ impl Shown {
         dict.set_item("q_plan", self.q_plan.map(|q| PyArray1::from_vec(py, q)))?;
         dict.set_item("replans", self.replans.taken)?;
         dict.set_item("times_stuck", self.replans.stuck)?;
+        dict.set_item("search", self.search)?;
         dict.set_item("released", self.released)?;
         dict.set_item("pressed", self.pressed)?;
         let [at, with] = self.pushed;
@@ -271,6 +274,13 @@ impl Live {
     fn aim(&self, py: Python<'_>, place: &Bound<'_, PyAny>) -> PyResult<()> {
         let place = point(place, self.with(py, |live| live.dimension())?)?;
         self.with(py, |live| live.aim(&place))
+    }
+
+    /// Plan a motion to where the reference comes to rest, such as where the target is, in a thread of its
+    /// own, and follow it when it is found; `search` of a snapshot says what has come of it. Without
+    /// `[replan]` others follow only where that is blocked, and a recording ends that has no plans.
+    fn plan(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |live| live.plan())?.map_err(|error| errors::scenario(&error))
     }
 
     /// Take hold of a link at a point (D,) of its frame [m], with a spring that `pull_by` lets pull.

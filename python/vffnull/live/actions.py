@@ -58,6 +58,9 @@ class Page(Protocol):
     def show_plan(self, on: bool) -> None:
         """Draw the arm where the plan has it."""
 
+    def plan(self) -> None:
+        """Plan a motion to where the target is, and follow it when it is found."""
+
     def add_obstacle(self) -> None:
         """Put a disc, or a ball, where there is room."""
 

@@ -17,17 +17,19 @@ import vffnull._core as _core
 from vffnull._support.errors import InputError, VffNullError
 from vffnull.live.clock import Rate
 from vffnull.live.ending import Ending
+from vffnull.live.fitting import Fitting
 from vffnull.live.guard import guarding
 from vffnull.live.icons import archive_open
-from vffnull.live.layout import docked, makes_room
+from vffnull.live.layout import docked
 from vffnull.live.memory import Memory
 from vffnull.live.panel import Panel
-from vffnull.live.quiet import quiet, uncover
+from vffnull.live.quiet import quiet
 from vffnull.live.readouts import STOPPED, told_of
 from vffnull.live.recording import Recorder
 from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
-from vffnull.live.scene.camera import aspect_of
+from vffnull.live.scene.camera import Camera, aspect_of
 from vffnull.live.sliders import said, unprojected
+from vffnull.live.wanted import WantedPlan, has_plans
 from vffnull.model.scenario import Scenario
 from vffnull.model.settings import setting
 
@@ -84,6 +86,7 @@ class LivePage:
         self._held_until: float | None = None
         self._memory = Memory()
         self._end = Ending()
+        self._wanted = WantedPlan(self._notify)
         self._lock = threading.RLock()  # around everything that belongs to one scenario
         self._over = threading.Event()
         self._rate = Rate(time.monotonic())
@@ -286,6 +289,16 @@ class LivePage:
                 for i, each in enumerate(self._scene.documents)
             ]
             return self._scenario.replace(controller=self._settings, obstacles=obstacles)
+
+    def plan(self) -> None:
+        """Plan a motion to where the target is, and follow it when it is found."""
+        with self._lock:
+            self._meddle()
+            if not has_plans(self._scenario, self._live.snapshot()["search"]):
+                self.stop_recording()
+            for live in self._loops():
+                live.plan()
+            self._wanted.begin()
 
     def add_obstacle(self) -> None:
         """Put a disc, or a ball, where there is room."""
@@ -493,7 +506,6 @@ class LivePage:
         """Show the whole picture, now and whenever the room for it changes. Whoever comes first sees the
         scene from its beginning: time waits for their first picture.
         """
-        fitted, settled, roomy = 0.0, False, False
         with self._lock:
             seen, self._seen = self._seen, True
             untouched = not self._dragged and not self._recorder.is_on and not self._over.is_set()
@@ -507,25 +519,14 @@ class LivePage:
                 self._memory.clear()
                 self._clear_plots()
 
+        def wanted(aspect: float) -> tuple[Camera, float]:
+            return self._scene.camera(self._box(), aspect), 0.01 * self._scene.reach
+
+        fitting = Fitting(client, self._side, self._server.initial_camera, wanted, self._begin)
+
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
-            nonlocal fitted, settled, roomy
-            if (aspect := aspect_of(camera)) is None:
-                return
-            roomy = roomy or makes_room(client, self._side, aspect)  # once: somebody may want it back
-            late = np.allclose(camera.position, self._server.initial_camera.position, atol=1e-3)
-            if settled and not late and abs(aspect - fitted) < 0.02:
-                return  # moved by hand
-            wanted = self._scene.camera(self._box(), aspect)
-            settled = abs(aspect - fitted) < 0.02 and bool(
-                np.allclose(camera.position, wanted.position, atol=0.01 * self._scene.reach)
-            )
-            if settled:  # it has taken the camera: there is a picture
-                self._begin()
-                uncover(client)
-            else:  # or has taken the one to begin with, maybe after this one
-                fitted = aspect
-                wanted.move(client)
+            fitting.update(camera)
 
     async def _miss(self, client: viser.ClientHandle) -> None:
         """Whoever has left waits for no picture, and holds nothing."""
@@ -587,6 +588,7 @@ class LivePage:
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._plots.pictures.show(self._live.pictures())
                     self._plots.self_motion.show(self._live.self_motion_map())
+                    self._wanted.read(present["search"])
                     self._recorder.drain()
             self.drawn += 1
             self.frame_rate = self._rate.count(now)

@@ -122,6 +122,12 @@ class Panel:
                 color="gray",
                 hint="Back to the start, with obstacles and settings as the scenario has them",
             )
+            self._go = gui.add_button(
+                "Plan to the target",
+                icon=viser.Icon.ROUTE,
+                color="gray",
+                hint="Finds a way around what stands there, for the hand that gets no farther by itself",
+            )
             self._view = gui.add_button(
                 "Tilt the view",
                 icon=viser.Icon.CUBE,
@@ -214,6 +220,7 @@ class Panel:
     def read(self, state: Mapping[str, Any]) -> None:
         """Show the numbers of a state."""
         self._numbers.content = numbers(state)
+        self._plan.visible = self._plan.visible or state["q_plan"] is not None
         self._details.content = details(state, self._page.notes)
         self._joints.read(state["q"])
         if self._unfinished is not None and time.monotonic() - self._unfinished[1] > TYPING:
@@ -330,6 +337,10 @@ class Panel:
         async def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:
                 self._told(event.client, page.show_meshes, self._meshes.value)
+
+        @self._go.on_click
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            self._told(event.client, page.plan)
 
         @self._view.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from itertools import chain, count
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -28,7 +29,7 @@ class Recording:
 
     def __init__(self, live: _core.Live, scenario: Scenario, folder: Path) -> None:
         self._live = live
-        self.path = folder / file_name(scenario.name, f"-{time.strftime('%Y%m%d-%H%M%S')}.arrows")
+        self.path = _unused(folder / file_name(scenario.name, f"-{time.strftime('%Y%m%d-%H%M%S')}.arrows"))
         self._recorder = StreamRecorder(self.path, scenario)
         self.rows = 0
         live.record(True)
@@ -56,6 +57,12 @@ class Recording:
                 self._recorder.close()
             finally:
                 self._live.record(False)
+
+
+def _unused(path: Path) -> Path:
+    """A path at which there is no file: that of one of the same second gets a number."""
+    others = (path.with_stem(f"{path.stem}-{k}") for k in count(2))
+    return next(each for each in chain([path], others) if not each.exists())
 
 
 class Recorder:

@@ -315,6 +315,25 @@ impl Live {
         Ok(())
     }
 
+    /// Has a motion planned to where the reference comes to rest, such as where the target is, and follows it when it is found: see
+    /// [`ErasedRun::plan_now`](crate::runtime::ErasedRun::plan_now). Ends a recording that has no plans.
+    ///
+    /// # Errors
+    /// If the reference never comes to rest, or a joint slides without an end.
+    pub fn plan(&mut self) -> Result<(), ScenarioError> {
+        let had_plans = self.snapshot().has_plans();
+        self.run.plan_now(&self.scenario)?;
+        if !had_plans {
+            self.record = None;
+        }
+        Ok(())
+    }
+
+    /// [`ErasedRun::last_search`](crate::runtime::ErasedRun::last_search).
+    pub fn last_search(&self) -> Option<&'static str> {
+        self.run.last_search()
+    }
+
     /// Wants obstacle `j` to be turned like this, at 4 rad/s. It goes on moving as before. Not without a jump of its rate,
     /// as one does that follows waypoints.
     ///

@@ -6,7 +6,7 @@ use crate::planning::replanning::Replanner;
 use crate::scenario::{
     self, AnyScene, CheckReach, Part, Problem, Scenario, ScenarioError, Scene, dispatch,
 };
-use crate::simulation::Run;
+use crate::simulation::{ClosedLoop, ReplanSettings, Run};
 use toml::Table;
 
 /// A scenario ready to run, and what is odd about it.
@@ -72,9 +72,7 @@ where
 {
     let (mut closed_loop, warnings) = scenario.closed_loop::<S, D, M>(scene)?;
     if let Some(settings) = &scenario.replan {
-        let (arm, world) = (closed_loop.arm(), closed_loop.world());
-        let replanner = Replanner::new(settings, scenario, (arm, world), closed_loop.reference())?;
-        closed_loop.set_replanning(Box::new(replanner));
+        watch(&mut closed_loop, scenario, settings)?;
     }
     let run = Run::new(closed_loop, &scenario.simulation, scenario.duration, recorded).map_err(
         |error| {
@@ -85,6 +83,24 @@ where
         },
     )?;
     Ok(Ready { run: AnyRun::new(run), warnings })
+}
+
+/// Has somebody watch over the reference of a closed loop from now on.
+///
+/// # Errors
+/// If a joint slides without an end, or a plan leads where its hand leans by more than it may.
+pub(super) fn watch<S, const D: usize, const M: usize>(
+    closed_loop: &mut ClosedLoop<S, D, M>,
+    scenario: &Scenario,
+    settings: &ReplanSettings,
+) -> Result<(), ScenarioError>
+where
+    S: CheckReach<D, M, State: Jointed<D>> + 'static,
+{
+    let (arm, world) = (closed_loop.arm(), closed_loop.world());
+    let replanner = Replanner::new(settings, scenario, (arm, world), closed_loop.reference())?;
+    closed_loop.set_replanning(Box::new(replanner));
+    Ok(())
 }
 
 /// Reads and validates one part of a scenario, named as in [`Part`]; a whole one is prepared, too, with a record where that has to

@@ -2,12 +2,16 @@
 
 use super::observation;
 use super::points::{self, PointsError};
+use super::prepare::watch;
 use super::wrenches::{ActingPull, ActingWrench};
 use crate::control::{Gains, SelfMotionMap, Settings};
 use crate::math::{UnitQuaternion, Vector};
+use crate::planning::motion::Jointed;
 use crate::robot::{Limits, Model};
-use crate::scenario::{self, FromDocument, Problem, ScenarioError};
-use crate::simulation::{Acting, DepthPicture, MAX_WRENCHES, Outcome, Run, Snapshot, System};
+use crate::scenario::{self, CheckReach, FromDocument, Problem, Scenario, ScenarioError};
+use crate::simulation::{
+    Acting, DepthPicture, MAX_WRENCHES, Outcome, ReplanSettings, Run, Snapshot,
+};
 use crate::world::space::{self, Points};
 use crate::world::{Rotation, Turning};
 use nalgebra::SVector;
@@ -169,6 +173,16 @@ pub trait ErasedRun: Debug + Send + Any {
     /// [`ClosedLoop::plan_beside`](crate::simulation::ClosedLoop::plan_beside).
     fn plan_beside(&mut self);
 
+    /// Has a motion planned from where the arm is to where its reference comes to rest, in a thread of its own, which is followed when
+    /// it is found. Without a `[replan]` in `scenario` others follow only where that is blocked.
+    ///
+    /// # Errors
+    /// If the reference never comes to rest, or a joint slides without an end.
+    fn plan_now(&mut self, scenario: &Scenario) -> Result<(), ScenarioError>;
+
+    /// What came of the last search for a plan, "searching" before its end; None if there was none.
+    fn last_search(&self) -> Option<&'static str>;
+
     /// Changes the gains, which must be for the same task. Allocates.
     fn configure(&mut self, settings: &Settings, seed: u64);
 
@@ -294,7 +308,7 @@ fn in_space(world: &dyn Any) -> Result<&space::World, PointsError> {
 
 impl<S, const D: usize, const M: usize> ErasedRun for Run<S, D, M>
 where
-    S: FromDocument<D> + System<D, M> + 'static,
+    S: FromDocument<D> + CheckReach<D, M, State: Jointed<D>> + 'static,
     Self: Clone + Send,
 {
     fn copy(&self) -> AnyRun {
@@ -363,6 +377,27 @@ where
 
     fn plan_beside(&mut self) {
         self.closed_loop_mut().plan_beside();
+    }
+
+    fn plan_now(&mut self, scenario: &Scenario) -> Result<(), ScenarioError> {
+        let closed_loop = self.closed_loop_mut();
+        if closed_loop.reference().end().is_none() {
+            let problem = "never comes to rest, so that no plan leads there";
+            return Err(ScenarioError::new("reference", Problem::Other(problem.into())));
+        }
+        if !closed_loop.want_plan() {
+            let never = f64::INFINITY;
+            let settings = ReplanSettings { patience: never, stray: never, ..Default::default() };
+            watch(closed_loop, scenario, &settings)?;
+            closed_loop.plan_beside();
+            closed_loop.want_plan();
+        }
+        Ok(())
+    }
+
+    fn last_search(&self) -> Option<&'static str> {
+        let last = self.closed_loop().replans().last()?;
+        Some(last.status.unwrap_or("searching"))
     }
 
     fn configure(&mut self, settings: &Settings, seed: u64) {

@@ -50,6 +50,8 @@ pub enum Reason {
     Strayed,
     /// The arm has come no nearer to the end for too long.
     Stuck,
+    /// Somebody wants one, whether the arm needs it or not.
+    Wanted,
 }
 
 impl Reason {
@@ -59,6 +61,7 @@ impl Reason {
             Self::Blocked => "blocked",
             Self::Strayed => "strayed",
             Self::Stuck => "stuck",
+            Self::Wanted => "wanted",
         }
     }
 }
@@ -122,6 +125,8 @@ pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
 pub trait Replan<S: System<D, M>, const D: usize, const M: usize>: Debug + Send {
     /// Looks at a moment. What is to be followed from now on, if that is another plan.
     fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>>;
+    /// Looks for a plan at the next moment at which none is searched, whatever is in the way of what is followed.
+    fn want(&mut self);
     /// Goes back to t = 0: the first reference.
     fn restart(&mut self) -> Trajectory<S::Pose, M>;
     /// From now on the arm is `arm`, in the state of `robot`, which becomes the one before.

@@ -173,6 +173,58 @@ fn obstacles_come_and_go() {
     assert_eq!((world(&live).len(), live.snapshot().t.to_bits()), (1, 0));
 }
 
+/// A hand that gets no farther than a wall goes around it when somebody wants a plan: from beside, without a jump, and to where the
+/// target has been dragged. A reference that never rests leads nowhere.
+#[test]
+fn a_plan_is_made_when_it_is_wanted() {
+    let text = "duration = 1.0\n q0 = [0.9, 0.5, 0.4, 0.3]\n\
+        arm = { lengths = [1, 1, 1, 1], masses = 1, radius = 0.05 }\n\
+        controller = { stiffness = 100, damping = 20, null_damping = 10, posture = [0.5, 0.5, 0.5, 0.5], \
+            posture_stiffness = 20, avoidance = 'cbf' }\n\
+        reference = { kind = 'setpoint', point = [0.06, 3.6] }\n\
+        obstacles = [{ shape = { kind = 'circle', radius = 0.3 }, position = [1.2, 1.1] }, \
+            { shape = { kind = 'circle', radius = 0.3 }, position = [1.5, 0.6] }]";
+    let mut live = Live::new(&Scenario::from_toml(text).unwrap()).unwrap();
+    live.record(true).unwrap();
+    live.aim(&[2.2, -0.4]);
+    ticks(&mut live, 6000);
+    let off = |live: &Live| {
+        let s = live.snapshot();
+        (s.x[0] - 2.2).hypot(s.x[1] + 0.4)
+    };
+    assert!(off(&live) > 0.3, "{}", off(&live));
+    assert_eq!((live.last_search(), live.is_recording()), (None, true));
+    live.plan().unwrap();
+    assert!(!live.is_recording(), "its rows have no plan");
+    let begin = Instant::now();
+    let mut torque = live.snapshot().torque.total.clone();
+    let mut step: f64 = 0.0;
+    let mut tick = |live: &mut Live| {
+        live.tick();
+        for (before, now) in torque.iter_mut().zip(&live.snapshot().torque.total) {
+            step = step.max((*before - now).abs());
+            *before = *now;
+        }
+    };
+    while live.snapshot().replans.unwrap().taken == 0 && begin.elapsed().as_secs() < 60 {
+        tick(&mut live);
+        thread::sleep(Duration::from_millis(1));
+    }
+    (0..20).for_each(|_| tick(&mut live));
+    assert!(step < 2.0, "the torque jumps by {step} N·m");
+    ticks(&mut live, 20_000);
+    assert_eq!(live.last_search(), Some("found"));
+    assert!(off(&live) < 5e-3, "{}", off(&live));
+    assert!(live.min_clearance() > 5e-3, "{}", live.min_clearance());
+
+    let round = text.replace(
+        "kind = 'setpoint', point = [0.06, 3.6]",
+        "kind = 'circle', center = [1.5, 2.0], radius = 0.1, angular_velocity = 2.0",
+    );
+    let fault = Live::new(&Scenario::from_toml(&round).unwrap()).unwrap().plan().unwrap_err();
+    assert!(fault.to_string().contains("never comes to rest"), "{fault}");
+}
+
 /// A loop that diverges stands still where it was, says so, and runs again after a reset.
 #[test]
 fn divergence_is_a_state() {

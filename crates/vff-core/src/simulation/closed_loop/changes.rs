@@ -16,6 +16,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
     }
 
+    /// Has it look for a plan now, whether the arm needs another one or not. Whether anybody watches over the reference.
+    pub fn want_plan(&mut self) -> bool {
+        self.replanning.as_mut().map(|replanning| replanning.want()).is_some()
+    }
+
     /// The searches for another plan so far.
     pub fn replans(&self) -> &[Replanned] {
         self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
