@@ -515,6 +515,29 @@ def test_what_held_an_arm_goes_when_it_is_not_heard_of_any_more() -> None:
     assert not np.any(sent["released"]) and not np.any(sent["lost"])
 
 
+@pytest.mark.parametrize("rate", [None, 1e4])
+def test_no_joint_is_thrown_beyond_its_speed_by_a_stop(rate: float | None) -> None:
+    """Damping takes energy out of all joints together; what it takes from one may be thrown into another."""
+    arm = vff.Arm.named("ur5e")
+    speeds = np.array(arm.velocity_limits)
+    command = {"gravity": "controller", "blend_time": 0.01} | ({} if rate is None else {"torque_rate": rate})
+    law = {"stiffness": 100.0, "damping": 20.0, "null_damping": 8.0, "avoidance": "cbf", "command": command}
+    random, period = np.random.default_rng(5), 1e-3
+    for _ in range(20):
+        q = random.uniform(-2.0, 2.0, 6)
+        dq = speeds * random.uniform(0.7, 0.9, 6) * random.choice([-1, 1], 6)
+        controller = vff.Controller(arm, law, period)
+        controller.begin(period)
+        controller.cycle(0.0, q, dq)
+        controller.stop()
+        for k in range(1, 200):
+            tau, _ = controller.cycle(period * k, q, dq)
+            for _ in range(4):
+                dq = dq + 0.25 * period * np.array(arm.forward_dynamics(q, dq, tau))
+                q = q + 0.25 * period * dq
+            assert (np.abs(dq) <= speeds).all(), (k, np.abs(dq) / speeds)
+
+
 def test_questions_do_not_move_an_arm() -> None:
     """What is asked of a controller with other states leaves the arm that its loop damps where it is."""
     loop = Loop()

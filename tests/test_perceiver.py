@@ -192,6 +192,7 @@ def test_what_is_taken_up_is_cut_away() -> None:
 
     assert left() > 5
     made.set_arm(loaded)
+    assert len(made.points) == 0  # no picture will ever show that it is free there
     made.forget()
     assert made.t is None and len(made.points) == 0
     assert left() == 0

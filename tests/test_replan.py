@@ -346,3 +346,40 @@ def test_what_has_come_to_rest_on_the_goal_blocks_it() -> None:
     later = [search for search in result.replans if search.asked > 3.0]
     assert later and all(search.status == "goal blocked" for search in later)
     assert result.metrics["min_clearance"] > 0.015
+
+
+@pytest.mark.parametrize("governor", [{}, {"governor": {}}])
+@pytest.mark.parametrize("avoidance", ["null_space", "cbf"])
+def test_an_arm_that_is_pushed_off_its_plan_is_let_go(avoidance: str, governor: dict[str, Any]) -> None:
+    """The plan that takes over begins where the arm is, with a governor as well; the posture goes on as it
+    moved, and the torque makes no step.
+    """
+    law = {"stiffness": 100.0, "damping": 20.0, "null_damping": 10.0, "posture_stiffness": 200.0}
+    points = [
+        [0.2, 0.3, 0.3, 0.3],
+        [0.5, 0.2, 0.6, 0.2],
+        [0.9, 0.1, 1.0, 0.1],
+        [1.3, 0.3, 1.2, -0.2],
+        [1.6, 0.5, 1.0, -0.4],
+        [1.8, 0.3, 0.3, 0.3],
+    ]
+    result = vff.simulate(
+        {
+            "duration": 1.2,
+            "q0": points[0],
+            "arm": {"lengths": [1.0] * 4, "masses": 1.0, "radius": 0.05},
+            "controller": law | {"avoidance": avoidance} | governor,
+            "reference": {"kind": "plan", "times": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "points": points},
+            "wrenches": [{"link": "tip", "force": [0.0, -150.0], "start": 0.5, "duration": 5.0}],
+            "replan": {"patience": 0.3, "stray": 0.15, "latency": 0.1},
+        }
+    )
+    (change,) = (search for search in result.replans if search.taken)
+    assert change.reason == "strayed"
+    k = round(change.taken / 1e-3)
+    assert np.abs(result.q_plan[k - 1] - result.q[k - 1]).max() > 0.15
+    then = result.q[round(change.asked / 1e-3)]  # when the search began
+    assert np.abs(result.q_plan[k + 1] - then).max() < 0.02
+    for torque in (result.tau, result.tau_null):
+        steps = np.abs(np.diff(torque, axis=0)).max(axis=1)
+        assert steps[k - 1 : k + 2].max() < steps[k - 100 : k - 1].max() + 2.0

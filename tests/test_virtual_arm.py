@@ -124,6 +124,26 @@ def test_a_posture_that_gives_way_to_a_push_comes_back() -> None:
     assert np.linalg.norm(panda.pose(points[-1])[0] - target[:3]) < 1e-3
 
 
+@pytest.mark.parametrize("step", [[0.0, 0.0, -0.3], [-0.15, 0.25, 0.1], [0.1, -0.3, -0.2]])
+@pytest.mark.parametrize("avoidance", ["null_space", "priority"])
+@pytest.mark.parametrize("task", ["position", "pose"])
+def test_the_tip_is_no_faster_than_it_may_be(task: str, avoidance: str, step: list[float]) -> None:
+    """With the low limits of its maker, which an xArm7 cannot brake within as fast as a torque could."""
+    arm, start = vff.Arm.named("xarm7"), [0.0, 0.3, 0.0, 1.2, 0.0, 0.9, 0.0]
+    law = {"task": task, "stiffness": 100.0, "damping": 20.0, "null_damping": 12.0, "avoidance": avoidance}
+    controller = vff.Controller(arm, law | {"command": {"tip_speed": 0.3}})
+    period = 4e-3
+    virtual = vff.VirtualArm(controller, start, period, acceleration=20.0, jerk=20.0)
+    place, orientation = arm.pose(start)
+    target: Any = np.array(place) + step
+    if task == "pose":
+        target = (target, orientation)
+    q = [start, *(virtual.step(period * k, x_ref=target)[0] for k in range(1000))]
+    tips = arm.forward_kinematics(np.array(q))[:, -1]
+    assert np.linalg.norm(np.diff(tips, axis=0), axis=1).max() / period < 1.02 * 0.3
+    assert np.linalg.norm(tips[-1] - (place + np.array(step))) < 2e-2
+
+
 def test_a_robot_that_is_held() -> None:
     """It parts from its set point, which comes back to it within the limits; let go, it goes on."""
     arm, target, points = virtual(), away(), []

@@ -70,6 +70,11 @@ impl History {
         (0..count).map(|k| self.place(k))
     }
 
+    /// When the newest state was \[s\]; none before the first.
+    pub(super) fn newest(&self) -> Option<f64> {
+        self.times.len().checked_sub(1).map(|last| self.time(last))
+    }
+
     /// Takes in the state at time `t` \[s\], which is later than the last, or than the last before a leap that it shows to be none:
     /// one wrong time in the future would otherwise refuse all states from then on. Whether it has taken states back.
     pub(super) fn add(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Result<bool, PerceptionError> {

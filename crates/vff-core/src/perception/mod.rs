@@ -259,8 +259,9 @@ impl Perceiver {
         })
     }
 
-    /// Goes on around another arm, such as the same one with what it has taken up: that is cut away from the next picture on. What is
-    /// remembered of states and of the cloud stays.
+    /// Goes on around another arm, such as the same one with what it has taken up: that is cut away from the next picture on, and
+    /// forgotten where it was seen before, which no picture will show to be free. What else is remembered of states and of the cloud
+    /// stays.
     ///
     /// # Errors
     /// If it has another number of joints.
@@ -285,6 +286,13 @@ impl Perceiver {
         }
         self.robot = Model::state(arm);
         self.history.set_arm(arm);
+        if let Some(t) = self.history.newest()
+            && self.history.at(t, 0.0, &mut self.q, &mut self.dq).is_some()
+        {
+            self.robot.update(&self.q, &self.dq);
+            let taken_up = SelfFilter::of_load(&self.robot, self.settings.margin);
+            self.map.drop_where(t, |point| taken_up.clearance(point, f64::INFINITY) < 0.0);
+        }
         Ok(())
     }
 

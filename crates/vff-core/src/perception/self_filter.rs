@@ -24,6 +24,12 @@ impl<'a> SelfFilter<'a> {
         Self { bodies: moving.chain(still).collect() }
     }
 
+    /// Of what the arm has taken up, `margin` \[m\] around that, and of the arm itself without one.
+    pub(super) fn of_load(robot: &'a SpatialState, margin: f64) -> Self {
+        let around = |body: Body<'a, 3>| (body, if body.is_load { margin } else { 0.0 });
+        Self { bodies: robot.bodies().map(around).collect() }
+    }
+
     /// How far a point is from all that is cut away \[m\], if that is less than `limit`, or else anything that is not.
     #[inline]
     pub(super) fn clearance(&self, point: &Vector<3>, limit: f64) -> f64 {

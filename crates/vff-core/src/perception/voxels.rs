@@ -221,7 +221,6 @@ impl VoxelMap {
     /// `least` says of their place are hit, of the others those are seen through of which `is_seen_through` says so, asked where they have
     /// gone on to (T190). What has moved on to where this picture shows it, outside of what is cut away as the arm, what is not taken any
     /// more, and what was hit last longer ago than `memory` \[s\], is forgotten.
-    #[expect(clippy::cast_possible_truncation, reason = "few")]
     pub(super) fn finish(
         &mut self,
         camera: usize,
@@ -261,13 +260,26 @@ impl VoxelMap {
             }
             if voxel.odds > 0.0 && t - voxel.last <= memory {
                 place += 1;
-                continue;
+            } else {
+                self.remove(place);
             }
-            self.places[voxel.cell as usize] = NONE;
-            self.voxels.swap_remove(place);
-            if let Some(moved) = self.voxels.get(place) {
-                self.places[moved.cell as usize] = place as u32;
-            }
+        }
+    }
+
+    /// Forgets the cells whose points are such at time `t` \[s\].
+    pub(super) fn drop_where(&mut self, t: f64, is_such: impl Fn(&Vector<3>) -> bool) {
+        let mut place = 0;
+        while let Some(voxel) = self.voxels.get(place) {
+            if is_such(&voxel.at(t)) { self.remove(place) } else { place += 1 }
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "few")]
+    fn remove(&mut self, place: usize) {
+        let removed = self.voxels.swap_remove(place);
+        self.places[removed.cell as usize] = NONE;
+        if let Some(moved) = self.voxels.get(place) {
+            self.places[moved.cell as usize] = place as u32;
         }
     }
 

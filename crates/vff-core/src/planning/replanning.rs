@@ -278,14 +278,21 @@ where
         let joints =
             joints.keeping_on(reference.joints(), moment.law.yielding.margin, path_time, blend);
         let follow = |joints| follow_plan::<S::State, D, M>(self.arm.state(), joints);
-        // Along a clock that waits, a reference comes back to the arm no faster than the arm lets it.
-        let comes_back = reason == Reason::Blocked || moment.law.governor.is_some();
-        Some(match reference.joints().filter(|_| comes_back) {
-            Some(old) => {
+        // An arm that is on its plan goes over to the new one with it. Any other may be far from it, and is let go.
+        Some(match reference.joints() {
+            Some(old) if reason == Reason::Blocked => {
                 follow(joints.taking_over(old, path_time, blend)).displaced_like(reference)
             }
+            Some(old) => {
+                let mut posture = [0; 3].map(|_| moment.q.to_vec());
+                old.at(path_time, posture.each_mut().map(Vec::as_mut_slice));
+                old.draw(path_time, posture.each_mut().map(Vec::as_mut_slice));
+                let each = (0..moment.q.len()).map(|i| [0, 1, 2].map(|k| posture[k][i]));
+                let joints = joints.drawing_from(each, path_time, blend);
+                follow(joints).taking_over(reference, &pace, blend)
+            }
             None => {
-                let rest = posture.iter().map(|(q, _)| *q);
+                let rest = posture.iter().map(|(q, _)| [*q, 0.0, 0.0]);
                 let joints = joints.drawing_from(rest, path_time, blend);
                 follow(joints).taking_over(reference, &pace, blend)
             }

@@ -120,14 +120,19 @@ impl JointSpline {
         self
     }
 
-    /// The same motion; at time `t` \[s\] the posture of the null space rests at `q` \[rad or m\], nowhere if there are no numbers, of which
-    /// less and less is left until it is where the joints are, `duration` \[s\], > 0, later ([`draw`](Self::draw)).
+    /// The same motion; at time `t` \[s\] the posture of the null space is in the state `from`: of each joint where it is \[rad or m\], and
+    /// its derivatives; nowhere if there are none. Of what lies between less and less is left until it is where the joints are,
+    /// `duration` \[s\], > 0, later ([`draw`](Self::draw)).
     #[must_use]
-    pub fn drawing_from(mut self, q: impl Iterator<Item = f64>, t: f64, duration: f64) -> Self {
+    pub fn drawing_from(
+        mut self,
+        from: impl Iterator<Item = [f64; 3]>,
+        t: f64,
+        duration: f64,
+    ) -> Self {
         let mut there = [0; 3].map(|_| vec![0.0; self.n]);
         self.at(t, there.each_mut().map(Vec::as_mut_slice));
-        let [x, dx, ddx] = &there;
-        let left = q.zip(0..self.n).map(|(q, i)| [q - x[i], -dx[i], -ddx[i]]);
+        let left = from.zip(0..self.n).map(|(x, i)| [0, 1, 2].map(|k| x[k] - there[k][i]));
         self.drawn = Some(Remainder::new(t, duration, left.collect()));
         self
     }
@@ -459,19 +464,20 @@ mod tests {
         // A motion that is being taken over is taken over like any other.
         let three = one.clone().taking_over(&both, 0.9, 0.5);
         close(at(&three, 0.9), at(&both, 0.9), 1e-12);
-        // A posture comes from rest, and the joints do not care.
-        let drawn = both.clone().drawing_from([0.3, -0.2].into_iter(), 0.8, 0.5);
+        // A posture goes on as it was, and the joints do not care.
+        let from = [[0.3, 0.0, 0.0], [-0.2, 0.4, -1.5]];
+        let drawn = both.clone().drawing_from(from.into_iter(), 0.8, 0.5);
         let posture = |t: f64| {
             let mut state = [0; 3].map(|_| vec![0.0; 2]);
             drawn.at(t, state.each_mut().map(Vec::as_mut_slice));
             drawn.draw(t, state.each_mut().map(Vec::as_mut_slice));
             state
         };
-        close(posture(0.8), [vec![0.3, -0.2], vec![0.0; 2], vec![0.0; 2]], 1e-12);
+        close(posture(0.8), [vec![0.3, -0.2], vec![0.0, 0.4], vec![0.0, -1.5]], 1e-12);
         assert_eq!((at(&drawn, 0.8), posture(1.31)), (at(&both, 0.8), at(&both, 1.31)));
         // It is let go: half of what it was off, as it moved then, and nothing of how it comes.
         let ([first, then], half) = ([0.8, 1.05].map(|t| at(&both, t)), posture(1.05));
-        let off = [[0.3, -0.2], [0.0; 2], [0.0; 2]];
+        let off = [[0.3, -0.2], [0.0, 0.4], [0.0, -1.5]];
         for (k, i) in [0, 1, 2].into_iter().flat_map(|k| [(k, 0), (k, 1)]) {
             assert!((half[k][i] - then[k][i] - 0.5 * (off[k][i] - first[k][i])).abs() < 1e-12);
         }

@@ -259,14 +259,22 @@ impl Barrier {
         self
     }
 
-    /// For joints that are moved within limits of their own, if these are, whatever the torque (T201).
-    pub fn moved_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
-        self.moved.clone_from(&gains.moved);
-        if let Some(moved) = &self.moved {
+    /// No faster than joints can that are moved within limits of their own, if these are (T201).
+    pub fn paced_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
+        if let Some(moved) = &gains.moved {
             self.most_rate = moved.barrier_rate();
-            self.joints.move_within(moved);
         }
         self
+    }
+
+    /// For joints that are moved so, whatever the torque.
+    pub fn moved_as<const M: usize>(self, gains: &Gains<M>) -> Self {
+        let mut this = self.paced_as(gains);
+        this.moved.clone_from(&gains.moved);
+        if let Some(moved) = &this.moved {
+            this.joints.move_within(moved);
+        }
+        this
     }
 
     /// Of the joints keeps what would be too fast or come to a stop.

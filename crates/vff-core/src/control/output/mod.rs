@@ -76,11 +76,6 @@ impl Output {
         }
     }
 
-    /// Whether what is sent may change but so fast.
-    pub fn has_rate(&self) -> bool {
-        !self.rate.is_empty()
-    }
-
     /// What is to be sent, however fast it changes \[N·m, N\].
     pub fn wanted(&self) -> &[f64] {
         &self.wanted

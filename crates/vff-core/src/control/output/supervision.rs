@@ -409,9 +409,9 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         let d = self.damping.max(damping_before_stops(&self.robot, sharpest));
         self.hold.update(&self.robot, d);
         self.want_damping(d, 1.0);
-        if !self.brakes && self.output.has_rate() {
-            // Behind a rate the torques come one after the other to where they damp the arm, and throw joints on the way. What
-            // stops keeps to itself: it gives way to nothing.
+        if !self.brakes {
+            // Damping takes energy out of all joints together, and what moves one may be thrown into another; behind a rate the
+            // torques come one after the other, besides. What stops keeps to itself: it gives way to nothing.
             self.confine(controller, false);
         }
         self.send_damping(phase)
