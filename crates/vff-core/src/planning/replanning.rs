@@ -1,6 +1,7 @@
 //! Makes a plan while a reference is being followed, where that leads nowhere: another plan (T121), or the first one (T179).
 
 mod ahead;
+mod braking;
 mod progress;
 mod search;
 mod worker;
@@ -20,6 +21,7 @@ use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Re
 use crate::trajectory::{JointSpline, Trajectory};
 use crate::world::World;
 use ahead::Ahead;
+use braking::Braking;
 use progress::{Place, Progress};
 use search::{Found, Search};
 use std::mem::{replace, swap};
@@ -84,6 +86,10 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     progress: Progress,
     /// Whether somebody wants a plan now.
     is_wanted: bool,
+    /// What moves the joints, where that is not a torque.
+    able: Option<MotionLimits>,
+    /// How they stop on the way to the plan that is searched.
+    braking: Option<Braking>,
     /// No search before this \[s\], and how long the last wait was.
     wait: [f64; 2],
 }
@@ -125,6 +131,8 @@ where
             ahead: Ahead::new(state, world),
             progress: Progress::default(),
             is_wanted: false,
+            able: None,
+            braking: None,
             wait: [f64::NEG_INFINITY, PAUSES[0]],
         };
         this.begin();
@@ -249,7 +257,15 @@ where
             None => return None,
         };
         self.search = None;
-        let is_late = plan.as_ref().is_some_and(|plan| self.is_late(plan, moment));
+        let n = moment.q.len();
+        let braking = self.braking.take();
+        let braking = braking.filter(|braking| {
+            plan.as_ref().and_then(|plan| plan.q.get(..n)) == Some(braking.end())
+        });
+        let is_late = match &braking {
+            Some(braking) => braking.is_over(moment.pace.time),
+            None => plan.as_ref().is_some_and(|plan| self.is_late(plan, moment)),
+        };
         let status = plan.as_ref().map_or("failed", |plan| plan.status.name());
         let asked = self.searches.last_mut().expect("there has been one");
         asked.status = Some(if is_late { "given up" } else { status });
@@ -266,11 +282,22 @@ where
         self.ahead.begin_anew();
         let last = plan.q.rchunks(moment.q.len()).next().unwrap_or_default();
         self.progress.nearest = [farthest(last, moment.q.iter()), moment.t];
-        let times: Vec<f64> = plan.times.iter().map(|t| moment.pace.time + t).collect();
-        let rows = |numbers: &[f64]| -> Vec<Vec<f64>> {
-            numbers.chunks(moment.q.len()).map(<[f64]>::to_vec).collect()
+        let rows =
+            |numbers: &[f64]| -> Vec<Vec<f64>> { numbers.chunks(n).map(<[f64]>::to_vec).collect() };
+        let (times, points, more) = match &braking {
+            Some(braking) => braking.then(&plan.times, &rows(&plan.q)),
+            None => {
+                let times = plan.times.iter().map(|t| moment.pace.time + t);
+                (times.collect(), rows(&plan.q), 0)
+            }
         };
-        let joints = JointSpline::new(&times, &rows(&plan.q)).ok()?;
+        let joints = JointSpline::new(&times, &points).ok()?;
+        // On the way to where the plan begins they keep what they do there.
+        let rows = |numbers: &[f64]| -> Vec<Vec<f64>> {
+            let all = rows(numbers);
+            let first = all.first().cloned();
+            first.into_iter().flat_map(|first| vec![first; more]).chain(all).collect()
+        };
         let Moment { pace, reference, posture, .. } = *moment;
         let (path_time, blend) = (pace.time, self.settings.blend);
         let shares = Some(rows(&plan.shares)).filter(|shares| !shares.is_empty());
@@ -302,9 +329,14 @@ where
     /// Begins a search.
     fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
         let ReplanSettings { latency, margin, horizon, tilt, speed, samples, .. } = self.settings;
-        let ReplanSettings { acceleration, jerk, .. } = self.settings.clone();
+        let ReplanSettings { acceleration, jerk, blend, .. } = self.settings.clone();
+        let plan = moment.reference.joints();
+        let left = plan.filter(|_| reason == Reason::Blocked).zip(self.able.as_ref());
+        self.braking = left.and_then(|(plan, able)| {
+            Braking::along(plan, moment.pace.time + latency, able, [blend, 1.0 - speed])
+        });
         let settings = PlanSettings {
-            time: moment.since + latency,
+            time: moment.since + latency + self.braking.as_ref().map_or(0.0, Braking::duration),
             margin,
             horizon: Some(horizon),
             tilt,
@@ -335,7 +367,6 @@ where
         }
         // A plan that is over pulls straight to its end, as a curve does: if that way is free, what is passing by has to be waited
         // for, but not for ever.
-        let plan = moment.reference.joints();
         let is_over = plan.is_none_or(|plan| moment.pace.time >= plan.span()[1]);
         let (world, now) = (moment.world, moment.world.time());
         let moves = (0..world.len()).any(|j| !world.rests_at(j, now));
@@ -350,7 +381,7 @@ where
             let mut state = [0; 3].map(|_| moment.q.to_vec());
             let then = moment.pace.time + latency;
             plan.at(then, state.each_mut().map(Vec::as_mut_slice));
-            let there = state[0].clone();
+            let there = self.braking.as_ref().map_or(&state[0][..], Braking::end).to_vec();
             plan.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
             let [here, ..] = state;
             (Task { start: here, ..task.clone() }, there)
@@ -443,6 +474,7 @@ where
 
     fn limit(&mut self, limits: Option<&MotionLimits>) {
         self.settings = self.given.clone();
+        self.able = limits.cloned();
         let Some(MotionLimits { speed, acceleration, jerk }) = limits else { return };
         let (arms, own) = (&self.arm.limits().velocity, &mut self.settings);
         // The share is that of accelerations, too, which need not be slower for the sake of speeds.
@@ -490,6 +522,8 @@ where
             searches: self.searches.clone(),
             ahead: self.ahead.clone(),
             progress: self.progress.clone(),
+            able: self.able.clone(),
+            braking: self.braking.clone(),
             ..*self
         })
     }
