@@ -2,6 +2,7 @@
 
 mod ahead;
 mod braking;
+mod change;
 mod progress;
 mod search;
 mod worker;
@@ -18,10 +19,11 @@ use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
-use crate::trajectory::{JointSpline, Trajectory};
+use crate::trajectory::Trajectory;
 use crate::world::World;
 use ahead::Ahead;
 use braking::Braking;
+use change::Change;
 use progress::{Place, Progress};
 use search::{Found, Search};
 use std::mem::{replace, swap};
@@ -282,46 +284,20 @@ where
         self.ahead.begin_anew();
         let last = plan.q.rchunks(moment.q.len()).next().unwrap_or_default();
         self.progress.nearest = [farthest(last, moment.q.iter()), moment.t];
-        let rows =
-            |numbers: &[f64]| -> Vec<Vec<f64>> { numbers.chunks(n).map(<[f64]>::to_vec).collect() };
-        let (times, points, more) = match &braking {
-            Some(braking) => braking.then(&plan.times, &rows(&plan.q)),
-            None => {
-                let times = plan.times.iter().map(|t| moment.pace.time + t);
-                (times.collect(), rows(&plan.q), 0)
-            }
-        };
-        let joints = JointSpline::new(&times, &points).ok()?;
-        // On the way to where the plan begins they keep what they do there.
-        let rows = |numbers: &[f64]| -> Vec<Vec<f64>> {
-            let all = rows(numbers);
-            let first = all.first().cloned();
-            first.into_iter().flat_map(|first| vec![first; more]).chain(all).collect()
-        };
         let Moment { pace, reference, posture, .. } = *moment;
-        let (path_time, blend) = (pace.time, self.settings.blend);
-        let shares = Some(rows(&plan.shares)).filter(|shares| !shares.is_empty());
-        let joints = joints.keeping(&rows(&plan.margins), shares.as_deref()).ok()?;
-        let joints =
-            joints.keeping_on(reference.joints(), moment.law.yielding.margin, path_time, blend);
+        let change = Change { time: pace.time, blend: self.settings.blend };
+        let usual = moment.law.yielding.margin;
+        let old = reference.joints();
+        let joints = change.motion(&plan, n, braking.as_ref(), old, usual)?;
         let follow = |joints| follow_plan::<S::State, D, M>(self.arm.state(), joints);
         // An arm that is on its plan goes over to the new one with it. Any other may be far from it, and is let go.
-        Some(match reference.joints() {
+        Some(match old {
             Some(old) if reason == Reason::Blocked => {
-                follow(joints.taking_over(old, path_time, blend)).displaced_like(reference)
+                follow(joints.taking_over(old, change.time, change.blend)).displaced_like(reference)
             }
-            Some(old) => {
-                let mut posture = [0; 3].map(|_| moment.q.to_vec());
-                old.at(path_time, posture.each_mut().map(Vec::as_mut_slice));
-                old.draw(path_time, posture.each_mut().map(Vec::as_mut_slice));
-                let each = (0..moment.q.len()).map(|i| [0, 1, 2].map(|k| posture[k][i]));
-                let joints = joints.drawing_from(each, path_time, blend);
-                follow(joints).taking_over(reference, &pace, blend)
-            }
-            None => {
-                let rest = posture.iter().map(|(q, _)| [*q, 0.0, 0.0]);
-                let joints = joints.drawing_from(rest, path_time, blend);
-                follow(joints).taking_over(reference, &pace, blend)
+            _ => {
+                let joints = change.draw(joints, n, old, posture);
+                follow(joints).taking_over(reference, &pace, change.blend)
             }
         })
     }
