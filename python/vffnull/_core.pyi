@@ -1233,8 +1233,8 @@ class Perceiver:
     def set_arm(self, arm: Arm) -> None:
         """Go on around another arm: the same one with the load that it has taken up, or with another tool.
 
-        What is seen of it is cut away from the next picture on, and what was seen before where the load or the
-        arm is now, is forgotten. What else there is of states and cloud stays as it is.
+        What is seen of it is cut away from the next picture on, and what was seen before where arm and load
+        are now is forgotten. What else there is of states and cloud stays as it is.
 
         Parameters
         ----------

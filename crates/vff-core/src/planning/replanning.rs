@@ -23,7 +23,7 @@ use crate::trajectory::Trajectory;
 use crate::world::World;
 use ahead::Ahead;
 use braking::Braking;
-use change::Change;
+use change::{Change, place_at};
 use progress::{Place, Progress};
 use search::{Found, Search};
 use std::mem::{replace, swap};
@@ -40,10 +40,6 @@ const WAITS: u32 = 3;
 const AT_LIMIT: f64 = 0.02;
 /// An end effector that is turned away by 1 rad counts as being so far off \[m\].
 const LEVER: f64 = 0.4;
-/// Of a joint, a plan that takes over at full speed may be so far off \[rad or m\].
-const NEXT_TO: f64 = 0.02;
-/// What a quintic from one place to another within a time has of velocity and acceleration at most, for ways and times of 1.
-const QUINTIC: [f64; 2] = [1.875, 5.774];
 /// After a search that finds nothing the next one waits, twice as long each time, from so long to so long \[s\].
 const PAUSES: [f64; 2] = [0.1, 3.2];
 
@@ -227,16 +223,9 @@ where
         let old =
             moment.reference.joints().filter(|_| is_blocked && plan.status == PlanStatus::Found);
         let Some(old) = old else { return false };
-        let mut state = [0; 3].map(|_| moment.q.to_vec());
-        old.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
         let ReplanSettings { blend, speed, .. } = self.settings;
-        let most = |i: usize| {
-            let fastest = self.arm.limits().velocity.get(i).copied().unwrap_or(MAX_SPEED);
-            let ways = [fastest * blend, MAX_ACCELERATION[D - 2] * blend * blend];
-            let way = (ways[0] / QUINTIC[0]).min(ways[1] / QUINTIC[1]);
-            ((1.0 - speed) * way).max(NEXT_TO)
-        };
-        state[0].iter().zip(&plan.q).enumerate().any(|(i, (old, new))| (old - new).abs() > most(i))
+        let limits = (self.arm.limits().velocity.as_slice(), MAX_ACCELERATION[D - 2]);
+        Change { time: moment.pace.time, blend }.is_far(old, &plan.q, limits, 1.0 - speed)
     }
 
     /// Takes a plan over that has come.
@@ -354,13 +343,12 @@ where
         }
         // Where the plan is left, it is that which is gone on from; else the arm.
         let from_plan = plan.filter(|_| reason == Reason::Blocked).map(|plan| {
-            let mut state = [0; 3].map(|_| moment.q.to_vec());
-            let then = moment.pace.time + latency;
-            plan.at(then, state.each_mut().map(Vec::as_mut_slice));
-            let there = self.braking.as_ref().map_or(&state[0][..], Braking::end).to_vec();
-            plan.at(moment.pace.time, state.each_mut().map(Vec::as_mut_slice));
-            let [here, ..] = state;
-            (Task { start: here, ..task.clone() }, there)
+            let at = |time| place_at(plan, time, task.start.len());
+            let there = match &self.braking {
+                Some(braking) => braking.end().to_vec(),
+                None => at(moment.pace.time + latency),
+            };
+            (Task { start: at(moment.pace.time), ..task.clone() }, there)
         });
         // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
         let whatever_moves =

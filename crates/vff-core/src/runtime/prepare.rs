@@ -89,6 +89,7 @@ where
 ///
 /// # Errors
 /// If a joint slides without an end, or a plan leads where its hand leans by more than it may.
+#[inline(never)] // whether a document asks for it or somebody does
 pub(super) fn watch<S, const D: usize, const M: usize>(
     closed_loop: &mut ClosedLoop<S, D, M>,
     scenario: &Scenario,

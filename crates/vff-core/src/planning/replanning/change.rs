@@ -1,8 +1,22 @@
 //! The motion of a plan as it takes the place of what is followed: from when on, what its links keep, and where the posture comes from.
 
+use super::super::feasibility::MAX_SPEED;
 use super::super::motion::Plan;
 use super::braking::Braking;
 use crate::trajectory::JointSpline;
+
+/// Of a joint, a plan that takes over at full speed may be so far off \[rad or m\].
+const NEXT_TO: f64 = 0.02;
+/// What a quintic from one place to another within a time has of velocity and acceleration at most, for ways and times of 1.
+const QUINTIC: [f64; 2] = [1.875, 5.774];
+
+/// Where a plan has `n` joints at a time of its clock \[rad or m\].
+pub fn place_at(plan: &JointSpline, time: f64, n: usize) -> Vec<f64> {
+    let mut state = [0; 3].map(|_| vec![0.0; n]);
+    plan.at(time, state.each_mut().map(Vec::as_mut_slice));
+    let [q, ..] = state;
+    q
+}
 
 /// When one takes the place of the other by the clock of the reference, and within what time \[s\].
 #[derive(Debug, Clone, Copy)]
@@ -12,6 +26,26 @@ pub struct Change {
 }
 
 impl Change {
+    /// Whether a joint is too far from where an `old` plan has it now to where another one begins, for this share of its largest speed, as
+    /// far as that is known, and of an acceleration.
+    pub fn is_far(
+        self,
+        old: &JointSpline,
+        new: &[f64],
+        (speeds, acceleration): (&[f64], f64),
+        share: f64,
+    ) -> bool {
+        let (n, blend) = (old.last().len(), self.blend);
+        let most = |i: usize| {
+            let fastest = speeds.get(i).copied().unwrap_or(MAX_SPEED);
+            let ways = [fastest * blend, acceleration * blend * blend];
+            let way = (ways[0] / QUINTIC[0]).min(ways[1] / QUINTIC[1]);
+            (share * way).max(NEXT_TO)
+        };
+        let there = place_at(old, self.time, n);
+        there.iter().zip(new).enumerate().any(|(i, (old, new))| (old - new).abs() > most(i))
+    }
+
     /// The motion of a `plan` for `n` joints from now on, or after they have stopped along the `old` one; every link keeps on what it keeps
     /// along that, or `usual` \[m\]. None if its numbers are of no use.
     pub fn motion(
