@@ -116,8 +116,8 @@ where
             upright: scenario.q0.clone(),
             world: world.clone(),
             goal: Manipulator::<D, M>::pose(&state),
-            settings: settings.clone(),
-            given: settings.clone(),
+            settings: copied(settings),
+            given: copied(settings),
             seed: scenario.seed,
             first: reference.clone(),
             is_exchanged: false,
@@ -294,7 +294,7 @@ where
     /// Begins a search.
     fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
         let ReplanSettings { latency, margin, horizon, tilt, speed, samples, .. } = self.settings;
-        let ReplanSettings { acceleration, jerk, blend, .. } = self.settings.clone();
+        let ReplanSettings { acceleration, jerk, blend, .. } = copied(&self.settings);
         let plan = moment.reference.joints();
         let left = plan.filter(|_| reason == Reason::Blocked).zip(self.able.as_ref());
         self.braking = left.and_then(|(plan, able)| {
@@ -437,7 +437,7 @@ where
     }
 
     fn limit(&mut self, limits: Option<&MotionLimits>) {
-        self.settings = self.given.clone();
+        self.settings = copied(&self.given);
         self.able = limits.cloned();
         let Some(MotionLimits { speed, acceleration, jerk }) = limits else { return };
         let (arms, own) = (&self.arm.limits().velocity, &mut self.settings);
@@ -475,22 +475,28 @@ where
             _ => None,
         };
         Box::new(Self {
-            settings: self.settings.clone(),
-            given: self.given.clone(),
+            settings: copied(&self.settings),
+            given: copied(&self.given),
             arm: Arc::clone(&self.arm),
-            upright: self.upright.clone(),
+            upright: copied(&self.upright),
             world: self.world.clone(),
             first: self.first.clone(),
             beside: self.beside.as_ref().map(|_| Worker::new()),
             search,
-            searches: self.searches.clone(),
+            searches: copied(&self.searches),
             ahead: self.ahead.clone(),
             progress: self.progress.clone(),
-            able: self.able.clone(),
-            braking: self.braking.clone(),
+            able: copied(&self.able),
+            braking: copied(&self.braking),
             ..*self
         })
     }
+}
+
+/// A copy, which is compiled once, not once for every kind of arm and task.
+#[inline(never)]
+fn copied<T: Clone>(it: &T) -> T {
+    it.clone()
 }
 
 /// The difference of the joint that differs most \[rad or m\].
