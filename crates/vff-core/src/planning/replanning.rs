@@ -29,7 +29,7 @@ use search::{Found, Search};
 use std::mem::{replace, swap};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{TryRecvError, channel};
+use std::sync::mpsc::channel;
 use worker::Worker;
 
 /// What is left of the margin in a plan's corners, and a little less.
@@ -230,23 +230,7 @@ where
 
     /// Takes a plan over that has come.
     fn receive(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
-        let plan = match &mut self.search {
-            Some(Search::Simulated { arrives, .. }) if moment.t < *arrives => return None,
-            Some(Search::Simulated { found, .. }) => found.take(),
-            Some(Search::Beside { answer, found, arrives, .. }) => {
-                if found.is_none() {
-                    match answer.try_recv() {
-                        Err(TryRecvError::Empty) => return None,
-                        answer => *found = answer.ok(),
-                    }
-                }
-                if found.as_ref().is_some_and(|found| found.is_ahead && moment.t < *arrives) {
-                    return None;
-                }
-                found.take().map(|found| found.plan)
-            }
-            None => return None,
-        };
+        let plan = self.search.as_mut()?.take(moment.t)?;
         self.search = None;
         let n = moment.q.len();
         let braking = self.braking.take();
@@ -293,26 +277,15 @@ where
 
     /// Begins a search.
     fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
-        let ReplanSettings { latency, margin, horizon, tilt, speed, samples, .. } = self.settings;
-        let ReplanSettings { acceleration, jerk, blend, .. } = copied(&self.settings);
+        let ReplanSettings { latency, blend, speed, .. } = self.settings;
         let plan = moment.reference.joints();
         let left = plan.filter(|_| reason == Reason::Blocked).zip(self.able.as_ref());
         self.braking = left.and_then(|(plan, able)| {
             Braking::along(plan, moment.pace.time + latency, able, [blend, 1.0 - speed])
         });
-        let settings = PlanSettings {
-            time: moment.since + latency + self.braking.as_ref().map_or(0.0, Braking::duration),
-            margin,
-            horizon: Some(horizon),
-            tilt,
-            upright: tilt.map(|_| self.upright.clone()),
-            acceleration,
-            jerk,
-            speed,
-            samples,
-            seed: self.seed.wrapping_add(self.searches.len() as u64),
-            ..PlanSettings::default()
-        };
+        let time = moment.since + latency + self.braking.as_ref().map_or(0.0, Braking::duration);
+        let seed = self.seed.wrapping_add(self.searches.len() as u64);
+        let settings = asked(&self.settings, time, &self.upright, seed);
         let mut task = Task::<S, D, M> {
             arm: Arc::clone(&self.arm),
             world: moment.world.clone(),
@@ -490,6 +463,25 @@ where
             braking: copied(&self.braking),
             ..*self
         })
+    }
+}
+
+/// What is asked of a plan that begins at `time` \[s\].
+#[inline(never)] // compiled once, not for every kind of arm and task
+fn asked(settings: &ReplanSettings, time: f64, upright: &[f64], seed: u64) -> PlanSettings {
+    let ReplanSettings { margin, horizon, tilt, speed, samples, .. } = *settings;
+    PlanSettings {
+        time,
+        margin,
+        horizon: Some(horizon),
+        tilt,
+        upright: tilt.map(|_| upright.to_vec()),
+        acceleration: settings.acceleration.clone(),
+        jerk: settings.jerk.clone(),
+        speed,
+        samples,
+        seed,
+        ..PlanSettings::default()
     }
 }
 

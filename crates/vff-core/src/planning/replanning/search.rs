@@ -3,7 +3,7 @@
 use super::super::motion::Plan;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, TryRecvError};
 
 /// A search under way.
 #[derive(Debug)]
@@ -17,6 +17,28 @@ pub enum Search {
         arrives: f64,
         given_up: Arc<AtomicBool>,
     },
+}
+
+impl Search {
+    /// What it has come to by the time `t` \[s\], which may be nothing; None where it is not there yet.
+    pub fn take(&mut self, t: f64) -> Option<Option<Box<Plan>>> {
+        match self {
+            Self::Simulated { arrives, .. } if t < *arrives => None,
+            Self::Simulated { found, .. } => Some(found.take()),
+            Self::Beside { answer, found, arrives, .. } => {
+                if found.is_none() {
+                    match answer.try_recv() {
+                        Err(TryRecvError::Empty) => return None,
+                        answer => *found = answer.ok(),
+                    }
+                }
+                if found.as_ref().is_some_and(|found| found.is_ahead && t < *arrives) {
+                    return None;
+                }
+                Some(found.take().map(|found| found.plan))
+            }
+        }
+    }
 }
 
 /// A plan, and whether it begins farther on along the old one.
