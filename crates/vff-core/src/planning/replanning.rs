@@ -16,7 +16,7 @@ use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
 use crate::math::{Pose, ScalarOrVec, Vector};
 use crate::planned_reference::follow_plan;
-use crate::robot::{Manipulator, Model, Robot};
+use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
 use crate::trajectory::Trajectory;
@@ -295,14 +295,7 @@ where
             goal: Goal::Pose(self.goal),
             start: moment.q.to_vec(),
         };
-        // A joint that is pushed against its limit may be a little beyond it.
-        for (i, start) in task.start.iter_mut().enumerate() {
-            let [lower, upper] = ranges_of(task.arm.limits(), i);
-            let inside = start.max(lower).min(upper);
-            if (*start - inside).abs() <= AT_LIMIT {
-                *start = inside;
-            }
-        }
+        come_inside(&mut task.start, task.arm.limits());
         // A plan that is over pulls straight to its end, as a curve does: if that way is free, what is passing by has to be waited
         // for, but not for ever.
         let is_over = plan.is_none_or(|plan| moment.pace.time >= plan.span()[1]);
@@ -482,6 +475,18 @@ fn asked(settings: &ReplanSettings, time: f64, upright: &[f64], seed: u64) -> Pl
         samples,
         seed,
         ..PlanSettings::default()
+    }
+}
+
+/// A joint that is pushed against its limit may be a little beyond it.
+#[inline(never)]
+fn come_inside(q: &mut [f64], limits: &Limits) {
+    for (i, q) in q.iter_mut().enumerate() {
+        let [lower, upper] = ranges_of(limits, i);
+        let inside = q.max(lower).min(upper);
+        if (*q - inside).abs() <= AT_LIMIT {
+            *q = inside;
+        }
     }
 }
 

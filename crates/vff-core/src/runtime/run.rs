@@ -301,6 +301,20 @@ pub trait ErasedRun: Debug + Send + Any {
     fn observe(&mut self, out: &mut Vec<f64>);
 }
 
+/// Why there is no plan to the end of what never comes to rest.
+#[inline(never)] // compiled once, as the next one
+fn leads_nowhere() -> ScenarioError {
+    let problem = "never comes to rest, so that no plan leads there";
+    ScenarioError::new("reference", Problem::Other(problem.into()))
+}
+
+/// Of a plan that is made because somebody wants it: others follow where that is blocked, not where the arm is stuck.
+#[inline(never)]
+fn when_wanted() -> ReplanSettings {
+    let never = f64::INFINITY;
+    ReplanSettings { patience: never, stray: never, ..Default::default() }
+}
+
 /// What is around an arm, if that is in space.
 fn in_space(world: &dyn Any) -> Result<&space::World, PointsError> {
     world.downcast_ref().ok_or(PointsError::InThePlane)
@@ -382,13 +396,10 @@ where
     fn plan_now(&mut self, scenario: &Scenario) -> Result<(), ScenarioError> {
         let closed_loop = self.closed_loop_mut();
         if closed_loop.reference().end().is_none() {
-            let problem = "never comes to rest, so that no plan leads there";
-            return Err(ScenarioError::new("reference", Problem::Other(problem.into())));
+            return Err(leads_nowhere());
         }
         if !closed_loop.want_plan() {
-            let never = f64::INFINITY;
-            let settings = ReplanSettings { patience: never, stray: never, ..Default::default() };
-            watch(closed_loop, scenario, &settings)?;
+            watch(closed_loop, scenario, &when_wanted())?;
             closed_loop.plan_beside();
             closed_loop.want_plan();
         }
