@@ -403,21 +403,9 @@ where
     }
 
     fn limit(&mut self, limits: Option<&MotionLimits>) {
-        self.settings = copied(&self.given);
-        self.able = limits.cloned();
-        let Some(MotionLimits { speed, acceleration, jerk }) = limits else { return };
-        let (arms, own) = (&self.arm.limits().velocity, &mut self.settings);
-        // The share is that of accelerations, too, which need not be slower for the sake of speeds.
-        let most = |i: usize| arms.get(i).copied().unwrap_or(MAX_SPEED);
-        let share = speed.iter().enumerate().map(|(i, v)| v / most(i)).fold(own.speed, f64::min);
-        let more = replace(&mut own.speed, share) / share;
-        let least = |own: Option<&ScalarOrVec>, usual: f64, given: &[f64]| {
-            let own = |i| own.map_or(usual, |own| own.get(i));
-            let each = given.iter().enumerate().map(|(i, given)| more * given.min(own(i)));
-            Some(ScalarOrVec::Each(each.collect()))
-        };
-        own.acceleration = least(own.acceleration.as_ref(), MAX_ACCELERATION[D - 2], acceleration);
-        own.jerk = least(own.jerk.as_ref(), f64::INFINITY, jerk);
+        let speeds = &self.arm.limits().velocity;
+        self.settings = limited(&self.given, limits, speeds, MAX_ACCELERATION[D - 2]);
+        self.able = limits.map(copied);
     }
 
     fn plan_beside(&mut self) {
@@ -476,6 +464,31 @@ fn asked(settings: &ReplanSettings, time: f64, upright: &[f64], seed: u64) -> Pl
         seed,
         ..PlanSettings::default()
     }
+}
+
+/// The `given` settings, with which plans ask for no more than these `limits`, of an arm with these largest `speeds` \[rad/s, m/s\] whose
+/// joints are accelerated by so much usually.
+#[inline(never)]
+fn limited(
+    given: &ReplanSettings,
+    limits: Option<&MotionLimits>,
+    speeds: &[f64],
+    usual: f64,
+) -> ReplanSettings {
+    let mut own = given.clone();
+    let Some(MotionLimits { speed, acceleration, jerk }) = limits else { return own };
+    // The share is that of accelerations, too, which need not be slower for the sake of speeds.
+    let most = |i: usize| speeds.get(i).copied().unwrap_or(MAX_SPEED);
+    let share = speed.iter().enumerate().map(|(i, v)| v / most(i)).fold(own.speed, f64::min);
+    let more = replace(&mut own.speed, share) / share;
+    let least = |own: Option<&ScalarOrVec>, usual: f64, given: &[f64]| {
+        let own = |i| own.map_or(usual, |own| own.get(i));
+        let each = given.iter().enumerate().map(|(i, given)| more * given.min(own(i)));
+        Some(ScalarOrVec::Each(each.collect()))
+    };
+    own.acceleration = least(own.acceleration.as_ref(), usual, acceleration);
+    own.jerk = least(own.jerk.as_ref(), f64::INFINITY, jerk);
+    own
 }
 
 /// A joint that is pushed against its limit may be a little beyond it.
