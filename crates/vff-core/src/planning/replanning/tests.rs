@@ -3,7 +3,7 @@
 use super::*;
 use crate::math::Vector;
 use crate::simulation::Plane;
-use crate::trajectory::Pace;
+use crate::trajectory::{JointSpline, Pace};
 use crate::world::plane::World as PlanarWorld;
 
 fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Reason> {
