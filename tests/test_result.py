@@ -498,6 +498,22 @@ def test_animate_writes_mp4(short: vff.Result, tmp_path: Path) -> None:
     assert b"avc1" in content and b"ftypisom" in content[:16]
 
 
+def test_a_film_that_is_broken_off_says_nothing(
+    short: vff.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C before its first picture ends the encoder, which told of a film without pictures."""
+    from vffnull.draw.figures.animation import _Picture
+
+    def breaks_off(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_Picture, "each", breaks_off)
+    with pytest.raises(KeyboardInterrupt):
+        short.animate(tmp_path / "arm.mp4", fps=10)
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("name", "options"),
     [

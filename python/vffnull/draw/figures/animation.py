@@ -7,6 +7,7 @@ when the writer asks for them, so that a long film needs no more memory than a s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
@@ -213,11 +214,13 @@ def _dithered(dots: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _write_mp4(picture: Picture, path: Path, fps: float, progress: Progress, encoder: Any) -> None:
     """H.264 in the pixel format that every player knows, which wants even sizes."""
-    high, wide = (size // 2 * 2 for size in picture.at(0).shape[:2])
+    frames = iter(picture.each(range(len(picture))))
+    first = next(frames)  # before there is an encoder, which tells of films that end without one
+    high, wide = (size // 2 * 2 for size in first.shape[:2])
     stream = encoder.write_frames(str(path), (wide, high), fps=fps, quality=8, macro_block_size=2)
     stream.send(None)
     try:
-        for i, dots in enumerate(picture.each(range(len(picture)))):
+        for i, dots in enumerate(chain([first], frames)):
             stream.send(np.ascontiguousarray(dots[:high, :wide]))
             progress(i + 1, len(picture))
     finally:
