@@ -113,11 +113,12 @@ def test_a_recording_without_plans_ends(opened: Callable[..., Any]) -> None:
     """The next one has them, in a file of its own in the same second, and goes on when another is wanted."""
     page = opened(scene())
     first = page.start_recording()
+    wait_for(lambda: page._recorder._recording.rows > 0)
     page.plan()
     assert page.stop_recording() is None and first.is_file()
     second = page.start_recording()
     page.plan()
-    time.sleep(0.5)
+    wait_for(lambda: page._recorder._recording.rows > 0)
     ended = page.stop_recording()
     assert ended is not None and ended[0] == second
     with_plans = [
