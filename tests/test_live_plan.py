@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from test_replan import STRAIGHT
 from waiting import wait_for
 
 pytest.importorskip("viser")
@@ -18,27 +19,10 @@ pytest.importorskip("viser")
 BEYOND = [2.2, -0.4]  # beyond the wall [m]
 
 
-def scene(**more: Any) -> vff.Scenario:
-    """Four links before a wall of two discs."""
-    wall = [{"shape": {"kind": "circle", "radius": 0.3}, "position": at} for at in ([1.2, 1.1], [1.5, 0.6])]
-    return vff.Scenario.from_dict(
-        {
-            "duration": 4.0,
-            "q0": [0.9, 0.5, 0.4, 0.3],
-            "arm": {"lengths": [1.0] * 4, "masses": 1.0, "radius": 0.05},
-            "controller": {
-                "stiffness": 100.0,
-                "damping": 20.0,
-                "null_damping": 10.0,
-                "posture": [0.5] * 4,
-                "posture_stiffness": 20.0,
-                "avoidance": "cbf",
-            },
-            "reference": {"kind": "setpoint", "point": [0.06, 3.6]},
-            "obstacles": wall,
-        }
-        | more
-    )
+def scene(replan: dict[str, Any] | None = None, reference: dict[str, Any] | None = None) -> vff.Scenario:
+    """Four links before a wall of two discs, whose hand rests where it is."""
+    rests = {"kind": "setpoint", "point": [0.06, 3.6]}
+    return vff.Scenario.from_dict({**STRAIGHT, "reference": reference or rests, "replan": replan})
 
 
 @pytest.fixture

@@ -1074,6 +1074,8 @@ class LiveState(TypedDict):
     times_stuck: int
     search: str | None
     """What came of the last search for a plan, "searching" before its end; None if there was none."""
+    has_plans: bool
+    """Whether there is a plan, or may be one later, so that a recording has room for it."""
 
 @final
 class Live:

@@ -94,6 +94,7 @@ struct Shown {
     q_plan: Option<Vec<f64>>,
     replans: ReplanCounts,
     search: Option<&'static str>,
+    has_plans: bool,
     released: Option<Vec<Option<&'static str>>>,
     /// What obstacles that are felt press the arm with, all of them \[N\].
     pressed: Option<f64>,
@@ -133,6 +134,7 @@ impl Shown {
             q_plan: s.q_plan.map(<[f64]>::to_vec),
             replans: s.replans.unwrap_or_default(),
             search: live.last_search(),
+            has_plans: s.has_plans(),
             released,
             pressed: s.contact_force.map(|force| {
                 let along = |axis: usize| force.iter().skip(axis).step_by(s.dimension).sum::<f64>();
@@ -174,6 +176,7 @@ impl Shown {
         dict.set_item("replans", self.replans.taken)?;
         dict.set_item("times_stuck", self.replans.stuck)?;
         dict.set_item("search", self.search)?;
+        dict.set_item("has_plans", self.has_plans)?;
         dict.set_item("released", self.released)?;
         dict.set_item("pressed", self.pressed)?;
         let [at, with] = self.pushed;

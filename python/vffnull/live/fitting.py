@@ -21,7 +21,7 @@ class Fitting:
         Who has come.
     panel : viser.PanelHandle
         What is folded away where the window is narrow.
-    before : Camera
+    before : viser.InitialCameraConfig
         Where their camera begins.
     wanted : Callable
         Where it is to be in a picture of this aspect, and how near to that is there [m].

@@ -29,7 +29,7 @@ from vffnull.live.recording import Recorder
 from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
 from vffnull.live.scene.camera import Camera, aspect_of
 from vffnull.live.sliders import said, unprojected
-from vffnull.live.wanted import WantedPlan, has_plans
+from vffnull.live.wanted import WantedPlan
 from vffnull.model.scenario import Scenario
 from vffnull.model.settings import setting
 
@@ -294,7 +294,7 @@ class LivePage:
         """Plan a motion to where the target is, and follow it when it is found."""
         with self._lock:
             self._meddle()
-            if not has_plans(self._scenario, self._live.snapshot()["search"]):
+            if not self._live.snapshot()["has_plans"]:
                 self.stop_recording()
             for live in self._loops():
                 live.plan()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from vffnull.model.scenario import Scenario
-
 NO_PLAN = "No way was found to where the target is: {}. Drag the target, or what is in the way."
 
 
@@ -31,9 +29,3 @@ class WantedPlan:
             self._waits = False
             if search != "found":
                 self._notify("No plan", NO_PLAN.format(search), 8.0)
-
-
-def has_plans(scenario: Scenario, search: str | None) -> bool:
-    """Whether a recording has room for plans: the scenario has some, or one has been searched."""
-    document = scenario.to_dict()
-    return search is not None or "replan" in document or document["reference"]["kind"] == "plan"

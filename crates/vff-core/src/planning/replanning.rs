@@ -86,8 +86,6 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     is_wanted: bool,
     /// What moves the joints, where that is not a torque.
     able: Option<MotionLimits>,
-    /// How they stop on the way to the plan that is searched.
-    braking: Option<Braking>,
     /// No search before this \[s\], and how long the last wait was.
     wait: [f64; 2],
 }
@@ -130,7 +128,6 @@ where
             progress: Progress::default(),
             is_wanted: false,
             able: None,
-            braking: None,
             wait: [f64::NEG_INFINITY, PAUSES[0]],
         };
         this.begin();
@@ -230,21 +227,17 @@ where
 
     /// Takes a plan over that has come.
     fn receive(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
-        let plan = self.search.as_mut()?.take(moment.t)?;
+        let found = self.search.as_mut()?.take(moment.t)?;
         self.search = None;
-        let n = moment.q.len();
-        let braking = self.braking.take();
-        let braking = braking.filter(|braking| {
-            plan.as_ref().and_then(|plan| plan.q.get(..n)) == Some(braking.end())
-        });
-        let is_late = match &braking {
+        let is_late = found.as_ref().is_some_and(|Found { plan, braking, .. }| match braking {
             Some(braking) => braking.is_over(moment.pace.time),
-            None => plan.as_ref().is_some_and(|plan| self.is_late(plan, moment)),
-        };
-        let status = plan.as_ref().map_or("failed", |plan| plan.status.name());
+            None => self.is_late(plan, moment),
+        });
+        let status = found.as_ref().map_or("failed", |found| found.plan.status.name());
         let asked = self.searches.last_mut().expect("there has been one");
         asked.status = Some(if is_late { "given up" } else { status });
-        let Some(plan) = plan.filter(|plan| plan.status == PlanStatus::Found && !is_late) else {
+        let of_use = |found: &Found| found.plan.status == PlanStatus::Found && !is_late;
+        let Some(Found { plan, braking, .. }) = found.filter(of_use) else {
             self.wait[0] = moment.t + self.wait[1];
             self.wait[1] = (2.0 * self.wait[1]).min(PAUSES[1]);
             return None;
@@ -261,7 +254,7 @@ where
         let change = Change { time: pace.time, blend: self.settings.blend };
         let usual = moment.law.yielding.margin;
         let old = reference.joints();
-        let joints = change.motion(&plan, n, braking.as_ref(), old, usual)?;
+        let joints = change.motion(&plan, moment.q.len(), braking.as_ref(), old, usual)?;
         let follow = |joints| follow_plan::<S::State, D, M>(self.arm.state(), joints);
         // An arm that is on its plan goes over to the new one with it. Any other may be far from it, and is let go.
         Some(match old {
@@ -269,7 +262,7 @@ where
                 follow(joints.taking_over(old, change.time, change.blend)).displaced_like(reference)
             }
             _ => {
-                let joints = change.draw(joints, n, old, posture);
+                let joints = change.draw(joints, old, posture);
                 follow(joints).taking_over(reference, &pace, change.blend)
             }
         })
@@ -279,13 +272,8 @@ where
     fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
         let ReplanSettings { latency, blend, speed, .. } = self.settings;
         let plan = moment.reference.joints();
-        let left = plan.filter(|_| reason == Reason::Blocked).zip(self.able.as_ref());
-        self.braking = left.and_then(|(plan, able)| {
-            Braking::along(plan, moment.pace.time + latency, able, [blend, 1.0 - speed])
-        });
-        let time = moment.since + latency + self.braking.as_ref().map_or(0.0, Braking::duration);
         let seed = self.seed.wrapping_add(self.searches.len() as u64);
-        let settings = asked(&self.settings, time, &self.upright, seed);
+        let settings = asked(&self.settings, moment.since + latency, &self.upright, seed);
         let mut task = Task::<S, D, M> {
             arm: Arc::clone(&self.arm),
             world: moment.world.clone(),
@@ -308,33 +296,40 @@ where
             return;
         }
         // Where the plan is left, it is that which is gone on from; else the arm.
-        let from_plan = plan.filter(|_| reason == Reason::Blocked).map(|plan| {
-            let at = |time| place_at(plan, time, task.start.len());
-            let there = match &self.braking {
-                Some(braking) => braking.end().to_vec(),
-                None => at(moment.pace.time + latency),
-            };
-            (Task { start: at(moment.pace.time), ..task.clone() }, there)
+        let left = plan.filter(|_| reason == Reason::Blocked);
+        let start = moment.pace.time + latency;
+        let from_plan = left.map(|plan| {
+            let [here, there] = [moment.pace.time, start].map(|time| place_at(plan, time));
+            (Task { start: here, ..task.clone() }, there)
         });
+        let slow = left.zip(self.able.as_ref()).map(|(plan, able)| (plan.clone(), copied(able)));
         // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
         let whatever_moves =
             reason != Reason::Blocked && (0..world.len()).any(|j| !world.stands_still(j));
         let search = move || {
+            let braking = slow
+                .and_then(|(plan, able)| Braking::along(&plan, start, &able, [blend, 1.0 - speed]));
+            let time = settings.time + braking.as_ref().map_or(0.0, Braking::duration);
+            let settings = PlanSettings { time, ..settings };
+            let from_plan = from_plan.map(|(here, there)| match &braking {
+                Some(braking) => (here, braking.end().to_vec()),
+                None => (here, there),
+            });
             // Beyond what is in the way there is no way around it.
             let from_plan = from_plan.filter(|(here, there)| here.is_straight(there));
             let from_plan = from_plan
                 .and_then(|(here, there)| Task { start: there, ..here }.plan(&settings).ok());
-            let found = |plan, is_ahead| Some(Found { plan: Box::new(plan), is_ahead });
             if let Some(plan) = from_plan.filter(|plan| plan.status != PlanStatus::StartBlocked) {
-                return found(plan, true);
+                return Some(Found { plan: Box::new(plan), is_ahead: true, braking });
             }
+            let found = |plan| Some(Found { plan: Box::new(plan), is_ahead: false, braking: None });
             let plan = task.plan(&settings).ok()?;
             match plan.status {
-                PlanStatus::Found => found(plan, false),
+                PlanStatus::Found => found(plan),
                 _ if whatever_moves => {
-                    found(task.plan(&PlanSettings { horizon: None, ..settings }).ok()?, false)
+                    found(task.plan(&PlanSettings { horizon: None, ..settings }).ok()?)
                 }
-                _ => found(plan, false),
+                _ => found(plan),
             }
         };
         let arrives = moment.t + latency;
@@ -350,7 +345,7 @@ where
             });
             Search::Beside { answer, found: None, arrives, given_up }
         } else {
-            Search::Simulated { found: search().map(|found| found.plan), arrives }
+            Search::Simulated { found: search(), arrives }
         });
         self.searches.push(Replanned { asked: moment.t, reason, status: None, taken: None });
     }
@@ -441,7 +436,6 @@ where
             ahead: self.ahead.clone(),
             progress: self.progress.clone(),
             able: copied(&self.able),
-            braking: copied(&self.braking),
             ..*self
         })
     }

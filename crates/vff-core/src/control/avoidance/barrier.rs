@@ -232,7 +232,8 @@ impl Barrier {
             turning_weight: 0.0,
             rate: rate(settings),
             defers: false,
-            most_rate: f64::INFINITY,
+            // No faster than joints can that are moved within limits of their own (T201).
+            most_rate: gains.moved.as_ref().map_or(f64::INFINITY, MotionLimits::barrier_rate),
             moved: None,
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
@@ -259,22 +260,13 @@ impl Barrier {
         self
     }
 
-    /// No faster than joints can that are moved within limits of their own, if these are (T201).
-    pub fn paced_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
-        if let Some(moved) = &gains.moved {
-            self.most_rate = moved.barrier_rate();
+    /// For joints that are moved within limits of their own, if these are, whatever the torque (T201).
+    pub fn moved_as<const M: usize>(mut self, gains: &Gains<M>) -> Self {
+        self.moved.clone_from(&gains.moved);
+        if let Some(moved) = &self.moved {
+            self.joints.move_within(moved);
         }
         self
-    }
-
-    /// For joints that are moved so, whatever the torque.
-    pub fn moved_as<const M: usize>(self, gains: &Gains<M>) -> Self {
-        let mut this = self.paced_as(gains);
-        this.moved.clone_from(&gains.moved);
-        if let Some(moved) = &this.moved {
-            this.joints.move_within(moved);
-        }
-        this
     }
 
     /// Of the joints keeps what would be too fast or come to a stop.

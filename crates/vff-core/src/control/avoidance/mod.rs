@@ -130,7 +130,7 @@ impl<const M: usize> Limiter<M> {
         is_fitted: bool,
     ) -> Self {
         let is_judged = gains.command.is_judged();
-        let mut barrier = Barrier::new(robot, gains).paced_as(gains);
+        let mut barrier = Barrier::new(robot, gains);
         if let Some(rate) = rate {
             barrier = barrier.reacting_with(rate);
         }

@@ -50,6 +50,7 @@ use tilt::Tilt;
 pub(super) use tilt::leads_upright;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
 use timing::CHECKS;
+pub(super) use timing::STEP;
 use why::{beyond, length, too_far, too_tilted};
 
 /// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.

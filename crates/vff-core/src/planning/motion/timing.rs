@@ -11,7 +11,7 @@ pub(super) const TORQUE: f64 = 0.8;
 /// Halvings in the search for how much slower.
 const HALVINGS: usize = 40;
 /// Time between two configurations of a plan \[s\], and how often it is halved.
-pub(super) const STEP: f64 = 0.04;
+pub(in crate::planning) const STEP: f64 = 0.04;
 const REFINEMENTS: u32 = 3;
 /// Instants per knot at which torques are checked.
 pub(super) const CHECKS: u32 = 4;

@@ -1,12 +1,13 @@
 //! How set points leave a plan that is blocked: what moves the joints may be too slow to go over to another motion on the way, as a torque
 //! does. Then the arm stops along the plan that it is on first, and the other motion begins there.
 
+use super::super::motion::STEP;
+use super::change::place_at;
 use crate::control::MotionLimits;
 use crate::interrupt;
+use crate::math::smoothstep;
 use crate::trajectory::JointSpline;
 
-/// Between two knots \[s\], as of plans.
-const STEP: f64 = 0.04;
 /// So much of the plan as it was stands before, so that the motion has its velocity where it begins \[s\].
 const BEFORE: usize = 10;
 /// Stops take from so long to so long \[s\], each by that factor longer than the last one that is tried.
@@ -59,11 +60,8 @@ impl Braking {
                 return None;
             }
         }
-        for t in this.times() {
-            let (sigma, ..) = this.clock(t);
-            plan.at(sigma, state.each_mut().map(Vec::as_mut_slice));
-            this.points.push(state[0].clone());
-        }
+        let places = this.times().into_iter().map(|t| place_at(plan, this.clock(t).0));
+        this.points = places.collect();
         Some(this)
     }
 
@@ -75,7 +73,7 @@ impl Braking {
         let u = (t / self.duration).min(1.0);
         (
             self.start + self.duration * u * (1.0 - u * u * (1.0 - 0.5 * u)),
-            1.0 - u * u * (3.0 - 2.0 * u),
+            1.0 - smoothstep(u),
             -6.0 * u * (1.0 - u) / self.duration,
         )
     }

@@ -10,9 +10,9 @@ const NEXT_TO: f64 = 0.02;
 /// What a quintic from one place to another within a time has of velocity and acceleration at most, for ways and times of 1.
 const QUINTIC: [f64; 2] = [1.875, 5.774];
 
-/// Where a plan has `n` joints at a time of its clock \[rad or m\].
-pub fn place_at(plan: &JointSpline, time: f64, n: usize) -> Vec<f64> {
-    let mut state = [0; 3].map(|_| vec![0.0; n]);
+/// Where a plan has the joints at a time of its clock \[rad or m\].
+pub fn place_at(plan: &JointSpline, time: f64) -> Vec<f64> {
+    let mut state = [0; 3].map(|_| vec![0.0; plan.dof()]);
     plan.at(time, state.each_mut().map(Vec::as_mut_slice));
     let [q, ..] = state;
     q
@@ -35,14 +35,14 @@ impl Change {
         (speeds, acceleration): (&[f64], f64),
         share: f64,
     ) -> bool {
-        let (n, blend) = (old.last().len(), self.blend);
+        let Self { time, blend } = self;
         let most = |i: usize| {
             let fastest = speeds.get(i).copied().unwrap_or(MAX_SPEED);
             let ways = [fastest * blend, acceleration * blend * blend];
             let way = (ways[0] / QUINTIC[0]).min(ways[1] / QUINTIC[1]);
             (share * way).max(NEXT_TO)
         };
-        let there = place_at(old, self.time, n);
+        let there = place_at(old, time);
         there.iter().zip(new).enumerate().any(|(i, (old, new))| (old - new).abs() > most(i))
     }
 
@@ -82,7 +82,6 @@ impl Change {
     pub fn draw(
         self,
         joints: JointSpline,
-        n: usize,
         old: Option<&JointSpline>,
         posture: &[(f64, f64)],
     ) -> JointSpline {
@@ -91,10 +90,10 @@ impl Change {
             let rest = posture.iter().map(|(q, _)| [*q, 0.0, 0.0]);
             return joints.drawing_from(rest, time, blend);
         };
-        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        let mut state = [0; 3].map(|_| vec![0.0; old.dof()]);
         old.at(time, state.each_mut().map(Vec::as_mut_slice));
         old.draw(time, state.each_mut().map(Vec::as_mut_slice));
-        let each = (0..n).map(|i| [0, 1, 2].map(|k| state[k][i]));
+        let each = (0..old.dof()).map(|i| [0, 1, 2].map(|k| state[k][i]));
         joints.drawing_from(each, time, blend)
     }
 }

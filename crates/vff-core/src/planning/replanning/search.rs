@@ -1,6 +1,7 @@
 //! A search for another plan, while the old one is followed.
 
 use super::super::motion::Plan;
+use super::braking::Braking;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -9,7 +10,7 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 #[derive(Debug)]
 pub enum Search {
     /// Done, but as if it lasted until `arrives` \[s\].
-    Simulated { found: Option<Box<Plan>>, arrives: f64 },
+    Simulated { found: Option<Found>, arrives: f64 },
     /// In another thread, which gives it up. One that begins where the old plan is at `arrives` \[s\] is not taken before.
     Beside {
         answer: Receiver<Found>,
@@ -21,7 +22,7 @@ pub enum Search {
 
 impl Search {
     /// What it has come to by the time `t` \[s\], which may be nothing; None where it is not there yet.
-    pub fn take(&mut self, t: f64) -> Option<Option<Box<Plan>>> {
+    pub fn take(&mut self, t: f64) -> Option<Option<Found>> {
         match self {
             Self::Simulated { arrives, .. } if t < *arrives => None,
             Self::Simulated { found, .. } => Some(found.take()),
@@ -35,17 +36,18 @@ impl Search {
                 if found.as_ref().is_some_and(|found| found.is_ahead && t < *arrives) {
                     return None;
                 }
-                Some(found.take().map(|found| found.plan))
+                Some(found.take())
             }
         }
     }
 }
 
-/// A plan, and whether it begins farther on along the old one.
+/// A plan, whether it begins farther on along the old one, and how the arm stops there, if it has to.
 #[derive(Debug, Clone)]
 pub struct Found {
     pub plan: Box<Plan>,
     pub is_ahead: bool,
+    pub braking: Option<Braking>,
 }
 
 impl Drop for Search {
