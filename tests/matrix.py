@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import vffnull as vff
 from vffnull.errors import ScenarioError
+from vffnull.evaluation.geometry.arm import rotation
 
 Changes = dict[str, Any]
 
@@ -89,6 +90,17 @@ def _ignored(scene: vff.Scenario) -> Changes:
 def _margins(scene: vff.Scenario) -> Changes:
     """The last link comes near to everything, and others keep away."""
     return _of_each(scene, {"margin": 0.05, "margins": {last_link(scene): 0.005}})
+
+
+def _ahead_of(scene: vff.Scenario) -> list[float]:
+    """What the end effector looks at where it begins, half of the arm's length away."""
+    place, turned = scene.arm.pose(scene["q0"])
+    if scene.arm.dimension == 2:
+        front = np.array([np.cos(turned), np.sin(turned)])
+    else:
+        front = rotation(np.array(turned))[:, 2]
+    ahead: list[float] = (place + 0.5 * np.linalg.norm(place) * front).tolist()
+    return ahead
 
 
 def _solid(scene: vff.Scenario, **contact: Any) -> Changes:
@@ -254,6 +266,15 @@ OPTIONS: dict[str, Option] = {
             "needs obstacles that are known",
             "slides without an end",
             "as the end effector leans by",
+        ),
+    ),
+    "replanning in view": Option(
+        lambda scene: {"replan": {"view": _ahead_of(scene), "view_angle": 1.0}},
+        (
+            "needs a reference that comes to rest",
+            "needs obstacles that are known",
+            "slides without an end",
+            "has the point out of its axis by",
         ),
     ),
     "rest on the way": Option(_pausing, ("needs a plan without rests on the way",)),

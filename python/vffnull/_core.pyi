@@ -1978,6 +1978,7 @@ def plan(
     horizon: float | None,
     tilt: float | None,
     upright: Sequence[float] | None,
+    view: tuple[Sequence[float], float] | None,
     approach: Sequence[float] | None,
     retreat: Sequence[float] | None,
     acceleration: Sequence[float] | None,
@@ -2006,6 +2007,8 @@ def plan(
         How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
     upright : list of float or None
         The configuration in which it stands upright [rad]; the start by default.
+    view : tuple of list of float and float, or None
+        A point that the end effector keeps in view [m], and how far off its axis that may be [rad].
     approach, retreat : list of float or None
         How far the end effector comes straight to the goal and leaves the start [m], as one number, or the
         vectors along which it does; None: that does not matter.
@@ -2024,7 +2027,7 @@ def plan(
     -------
     dict
         ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
-        ``shares``, ``tilt``, ``gap``, ``samples``, ``nodes``.
+        ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
 
     Raises
     ------

@@ -30,6 +30,8 @@ use vff_core::trajectory::JointSpline;
 ///     How far the end effector may tilt from how it stands at `upright` [rad]; None: that does not matter.
 /// upright : list of float or None
 ///     The configuration in which it stands upright [rad]; the start by default.
+/// view : tuple of list of float and float, or None
+///     A point that the end effector keeps in view [m], and how far off its axis that may be [rad].
 /// approach, retreat : list of float or None
 ///     How far the end effector comes straight to the goal and leaves the start [m], as one number, or the
 ///     vectors along which it does; None: that does not matter.
@@ -48,14 +50,14 @@ use vff_core::trajectory::JointSpline;
 /// -------
 /// dict
 ///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
-///     ``shares``, ``tilt``, ``gap``, ``samples``, ``nodes``.
+///     ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
 ///
 /// Raises
 /// ------
 /// vffnull.errors.ScenarioError
 ///     If the scenario cannot be read, or a setting is of no use.
 #[pyfunction]
-#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, approach, retreat, acceleration, jerk, speed, samples, paths, seed))]
+#[pyo3(signature = (document, start, goal, time, margin, horizon, tilt, upright, view, approach, retreat, acceleration, jerk, speed, samples, paths, seed))]
 #[expect(clippy::too_many_arguments, reason = "each by its name in Python")]
 pub fn plan<'py>(
     py: Python<'py>,
@@ -67,6 +69,7 @@ pub fn plan<'py>(
     horizon: Option<f64>,
     tilt: Option<f64>,
     upright: Option<Vec<f64>>,
+    view: Option<(Vec<f64>, f64)>,
     approach: Option<Vec<f64>>,
     retreat: Option<Vec<f64>>,
     acceleration: Option<Vec<f64>>,
@@ -88,6 +91,7 @@ pub fn plan<'py>(
         horizon,
         tilt,
         upright,
+        view,
         approach: approach.map(straight),
         retreat: retreat.map(straight),
         acceleration: acceleration.map(ScalarOrVec::Each),
@@ -118,6 +122,7 @@ pub fn plan<'py>(
     found.set_item("clearance", plan.clearance)?;
     found.set_item("margin", plan.margin)?;
     found.set_item("tilt", plan.tilt)?;
+    found.set_item("view", plan.view)?;
     found.set_item("gap", plan.gap)?;
     found.set_item("samples", plan.samples)?;
     found.set_item("nodes", plan.nodes)?;

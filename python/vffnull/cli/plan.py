@@ -94,6 +94,19 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     help="How far the end effector may lean [rad]; by default that does not matter.",
 )
 @click.option(
+    "--view",
+    callback=_each,
+    metavar="X,Y[,Z]",
+    help="A point that the end effector keeps in view [m]; by default it looks anywhere.",
+)
+@click.option(
+    "--view-angle",
+    default=0.35,
+    show_default=True,
+    metavar="ANGLE",
+    help="How far off its axis that point may be [rad].",
+)
+@click.option(
     "--approach",
     callback=_each,
     metavar="LENGTH|X,Y,Z",
@@ -132,6 +145,8 @@ def plan(
     speed: float,
     horizon: float | None,
     tilt: float | None,
+    view: float | list[float] | None,
+    view_angle: float,
     approach: float | list[float] | None,
     retreat: float | list[float] | None,
     acceleration: float | list[float] | None,
@@ -173,6 +188,8 @@ def plan(
         margin=margin,
         horizon=horizon,
         tilt=tilt,
+        view=view,
+        view_angle=view_angle,
         approach=approach,
         retreat=retreat,
         acceleration=acceleration,
@@ -200,6 +217,7 @@ _MEANINGS = {
     "clearance": ("m", "smallest distance from obstacles"),
     "margin": ("m", "distance that the path keeps where it keeps least"),
     "tilt": ("rad", "how far the end effector leans at most"),
+    "view": ("rad", "how far off its axis it has the point in view at most"),
     "gap": ("rad", "what was left to the goal"),
     "samples": ("", "random configurations that were tried"),
     "nodes": ("", "how many of them the search kept"),
@@ -230,6 +248,7 @@ def _summary(found: Plan) -> dict[str, str | float | int | None]:
         "clearance": finite(found.clearance, 4),
         "margin": finite(found.margin, 4),
         "tilt": None if found.tilt is None else finite(found.tilt, 4),
+        "view": None if found.view is None else finite(found.view, 4),
         "gap": finite(found.gap, 4),
         "samples": found.samples,
         "nodes": found.nodes,

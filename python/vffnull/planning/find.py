@@ -37,6 +37,8 @@ def plan(
     margin: float = 0.02,
     horizon: float | None = 1.0,
     tilt: float | None = None,
+    view: ArrayLike | None = None,
+    view_angle: float = 0.35,
     approach: ArrayLike | None = None,
     retreat: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
@@ -78,6 +80,12 @@ def plan(
         How far the end effector may lean from how it stands at the start [rad], > 0, whichever way it turns
         about the vertical; in the plane how far it may turn. By default that does not matter. Of several
         goals, from how it stands before the first.
+    view : (2,) or (3,) array_like, optional
+        A point that the end effector keeps in view all the way [m]: no more than `view_angle` off its axis,
+        z in space and the last link in the plane. What stands in between does not matter. Where it looks
+        elsewhere at the start, it turns to the point. By default it looks anywhere.
+    view_angle : float, optional
+        How far off its axis that point may be [rad], > 0.
     approach : float or (2,) or (3,) array_like, optional
         How far the end effector comes straight to the goal, without turning [m], >= 0: along what it has in
         front of it there, z in space and the last link in the plane. Or the vector along which it comes [m].
@@ -134,6 +142,12 @@ def plan(
     >>> bool(level.tilt <= np.radians(10))
     True
 
+    With a camera in the hand that keeps looking at what is on the table:
+
+    >>> seen = plan("panda-shelf", horizon=0, view=[0.0, 0.9, 0.5], view_angle=0.9)
+    >>> bool(seen.view <= 0.9)
+    True
+
     Down onto the goal for the last 8 cm, as a gripper does:
 
     >>> down = plan("panda-shelf", horizon=0, approach=0.08)
@@ -149,6 +163,7 @@ def plan(
         "horizon": None if horizon is None else _finite("horizon", horizon),
         "tilt": None if tilt is None else positive("tilt", tilt),
         "upright": None if tilt is None else document["q0"] if at is None else at,
+        "view": None,
         "approach": _straight("approach", approach, arm.dimension),
         "retreat": _straight("retreat", retreat, arm.dimension),
         "acceleration": _each("acceleration", acceleration, len(document["q0"])),
@@ -158,6 +173,9 @@ def plan(
         "paths": whole("paths", paths, 1, _MAX_PATHS),
         "seed": whole("seed", seed, 0, 2**64 - 1),
     }
+    angle = positive("view_angle", view_angle)
+    if view is not None:
+        settings["view"] = _vector("view", view, arm.dimension), angle
     rest = positive("pause", pause)
     several = _several(goal)
     if several is None:

@@ -68,8 +68,7 @@ class Plan:
         Instants [s] from 0 on; empty if nothing was found.
     q : (k, n) ndarray
         The configuration at each instant [rad or m]. If nothing was found: the corners of the path to where
-        the
-        goal was nearest, from the start.
+        the goal was nearest, from the start.
     dq, ddq : (k, n) ndarray
         Velocities [rad/s] and accelerations [rad/s²]; empty if nothing was found.
     tip : (k, 2) or (k, 3) ndarray
@@ -84,8 +83,8 @@ class Plan:
         was found. Of the margins that obstacles have of their own it keeps the same share.
     gap : float
         What was left to a goal: joint angles, taken together as a vector [rad], if no path was found; a
-        distance [m],
-        if the goal is out of reach; infinite if start or goal are blocked; 0 if a path was found.
+        distance [m], if the goal is out of reach; infinite if start or goal are blocked; 0 if a path was
+        found.
     samples, nodes : int
         How many random configurations were tried, and how many the search kept.
     wall_time : float
@@ -102,6 +101,8 @@ class Plan:
     tilt : float or None
         How far the end effector leans at most, at the instants and seven times in between [rad]. None if that
         was not asked for, or nothing was found.
+    view : float or None
+        The same of how far off the axis of the end effector it has the point that it keeps in view.
     ignored : tuple of (str, str)
         Pairs of links that were not measured against each other: the ``ignore`` of the arm.
     """
@@ -123,6 +124,7 @@ class Plan:
     shares: Array = field(default_factory=lambda: np.empty((0, 0)))
     ignored: tuple[tuple[str, str], ...] = ()
     tilt: float | None = None
+    view: float | None = None
 
     @property
     def duration(self) -> float:
@@ -215,6 +217,7 @@ class Plan:
             raise InputError(f"pause: expected {least:.1g} to {most:.1g} s between these plans, got {rest} s")
         joined["q"][len(self.t)] = self.q[-1]  # exactly: that makes it a rest
         tilts = [plan.tilt for plan in (self, following) if plan.tilt is not None]
+        views = [plan.view for plan in (self, following) if plan.view is not None]
         return Plan(
             status=self.status,
             clearance=min(self.clearance, following.clearance),
@@ -226,6 +229,7 @@ class Plan:
             message=f"{self.message}; then {following.message}",
             ignored=tuple(dict.fromkeys(self.ignored + following.ignored)),
             tilt=max(tilts) if len(tilts) == 2 else None,
+            view=max(views) if len(views) == 2 else None,
             **joined,
         )
 
@@ -251,7 +255,7 @@ class Plan:
         header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
         header["message"] = self.message
         header["ignored"] = self.ignored
-        header["tilt"] = self.tilt
+        header |= {"tilt": self.tilt, "view": self.view}
         header |= {name: getattr(self, name) for name in _NUMBERS}
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         header["digest"] = digest(json.dumps(header), arrays.values())
@@ -289,8 +293,9 @@ class Plan:
             values: dict[str, Any] = {name: type_(header[name]) for name, type_ in _types().items()}
             message = str(header.get("message", ""))  # older files have none
             ignored = tuple((str(a), str(b)) for a, b in header.get("ignored", ()))
-            status, tilt = PlanStatus(header["status"]), header.get("tilt")
-            values["tilt"] = None if tilt is None else float(tilt)
+            status = PlanStatus(header["status"])
+            for name in ("tilt", "view"):
+                values[name] = None if header.get(name) is None else float(header[name])
             plan = cls(status=status, message=message, ignored=ignored, **values, **arrays)
         except InputError:
             raise

@@ -9,7 +9,8 @@ mod worker;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use super::motion::{
-    Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, leads_upright, ranges_of,
+    Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, leads_upright, pointings,
+    ranges_of,
 };
 use crate::control::{MotionLimits, SelfCollision, speed_shares};
 use crate::interrupt::{self, Watch};
@@ -107,7 +108,9 @@ where
     ) -> Result<Self, ScenarioError> {
         let mut state = arm.state();
         has_ends(&state, arm.limits())?;
-        leads_upright(&mut state, &scenario.q0, reference.joints(), settings.tilt)?;
+        let pointings =
+            pointings::<_, D>(&mut state, &scenario.q0, settings.tilt, view(settings).as_ref());
+        leads_upright(&mut state, &pointings, reference.joints())?;
         state.update_positions(&scenario.q0);
         let mut this = Self {
             arm: Arc::clone(arm),
@@ -441,6 +444,11 @@ where
     }
 }
 
+/// The point that the end effector keeps in view, and how far off its axis that may be.
+fn view(settings: &ReplanSettings) -> Option<(Vec<f64>, f64)> {
+    settings.view.as_ref().map(|point| (point.clone(), settings.view_angle))
+}
+
 /// What is asked of a plan that begins at `time` \[s\].
 #[inline(never)] // compiled once, not for every kind of arm and task
 fn asked(settings: &ReplanSettings, time: f64, upright: &[f64], seed: u64) -> PlanSettings {
@@ -451,6 +459,7 @@ fn asked(settings: &ReplanSettings, time: f64, upright: &[f64], seed: u64) -> Pl
         horizon: Some(horizon),
         tilt,
         upright: tilt.map(|_| upright.to_vec()),
+        view: view(settings),
         acceleration: settings.acceleration.clone(),
         jerk: settings.jerk.clone(),
         speed,

@@ -501,7 +501,7 @@ impl Scenario {
             if let Some(problem) = problem {
                 return Err(ScenarioError::new("replan", Problem::Other(problem.into())));
             }
-            validate::replan(settings, self.q0.len()).map_err(|error| error.inside("replan"))?;
+            validate::replan(settings, self.q0.len(), D).map_err(|error| error.inside("replan"))?;
         }
         validate::simulation(&self.simulation).map_err(|error| error.inside("simulation"))?;
         if self.duration / self.simulation.dt > MAX_STEPS {

@@ -431,8 +431,10 @@ fn governor(governor: &GovernorSettings) -> Validated {
 }
 
 /// `[replan]`.
-pub fn replan(settings: &ReplanSettings, n: usize) -> Validated {
-    table(settings, |_| Some(n))
+pub fn replan(settings: &ReplanSettings, n: usize, dimension: usize) -> Validated {
+    table(settings, |_| Some(n))?;
+    let view = settings.view.as_ref();
+    view.map_or(Ok(()), |point| length("view", point.len(), dimension))
 }
 
 /// Angles that only degrees could mean: beyond the limits of a joint by far, and within them if they were degrees.

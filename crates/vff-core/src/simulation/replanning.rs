@@ -30,6 +30,10 @@ settings! {
         horizon: f64 = 1.0, "s", NOT_NEGATIVE;
         /// How far the end effector may tilt from how it stands at `q0`, in the plane: turn. Plans keep to it, not the law that follows.
         tilt: Option<f64> = None, "rad", POSITIVE;
+        /// A point that the end effector keeps in view, z in space and the last link in the plane being its axis. The same holds.
+        view: Option<Vec<f64>> = None, "m";
+        /// How far off that axis it may be.
+        view_angle: f64 = 0.35, "rad", POSITIVE;
         /// How fast the joints of another plan may become faster; 30 in the plane and 10 in space by default.
         acceleration: Option<ScalarOrVec> = None, "rad/s², m/s²", POSITIVE;
         /// How fast that may change.

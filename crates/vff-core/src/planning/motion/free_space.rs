@@ -8,7 +8,7 @@ use super::around::{Around, Window};
 use super::levers::{Jointed, Levers, Twist};
 use super::margins::{APART, Margins};
 use super::own_room::{OwnRoom, moving};
-use super::tilt::Tilt;
+use super::pointing::Pointing;
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
@@ -29,6 +29,8 @@ const FINEST_SHARE: f64 = 2e-4;
 pub const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// How many of what blocked the last motions are asked first.
 const BLOCKERS: usize = 8;
+/// How often the end effector is turned to where it has to point, where it has to in two ways.
+const LEVELLINGS: usize = 4;
 /// Where margins of their own are compared with what is asked for, this is asked for at least \[m\].
 const LEAST_ASKED: f64 = 1e-6;
 
@@ -49,8 +51,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     pub asked: f64,
     /// The largest of those in parts of it, 1 or more.
     pub most_share: f64,
-    /// What the end effector may tilt, if that matters.
-    pub tilt: Option<Tilt>,
+    /// Where the end effector has to point.
+    pub pointings: Vec<Pointing>,
     /// From where on it does not matter how far a link is \[m\].
     limits: Vec<f64>,
     /// Signed distance of each link from what is nearest of that from which it keeps the usual margin \[m\], ∞ from its limit on.
@@ -127,7 +129,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         Self {
             most_share: if most_own > 0.0 { (most_own / asked).max(1.0) } else { 1.0 },
             asked,
-            tilt: None,
+            pointings: vec![],
             finest: FINEST.min(FINEST_SHARE * radius),
             reach,
             robot,
@@ -269,6 +271,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         self.reach.way(ends, None, link)
     }
 
+    /// How far the tip of the end effector goes at most \[m\].
+    pub fn way_of_tip(&self, ends: [&[f64]; 2]) -> f64 {
+        self.reach.of_tip(ends)[0]
+    }
+
     /// What `link` is to keep at `q` \[m\].
     pub fn margin(&self, q: &[f64], link: usize) -> f64 {
         self.margins.at(q, &self.reach, link)
@@ -344,11 +351,10 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         Some((-distance, links.map(|link| self.robot.link_name(link))))
     }
 
-    /// Whether it is and does on the straight motion from `a` to `b`, and the end effector tilts no more than it may.
+    /// Whether it is and does on the straight motion from `a` to `b`, and the end effector points where it has to.
     pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
-        if let Some(tilt) = &self.tilt
-            && !tilt.is_kept(&mut self.robot, [a, b])
-        {
+        let Self { pointings, robot, reach, .. } = self;
+        if !pointings.iter().all(|pointing| pointing.is_kept(robot, reach, [a, b])) {
             return false;
         }
         let mut near = std::mem::take(&mut self.near);
@@ -363,17 +369,46 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         blocker.is_none()
     }
 
-    /// How far the end effector is tilted at `q` \[rad\]; 0 where that does not matter.
-    pub fn tilt_at(&mut self, q: &[f64]) -> f64 {
-        self.tilt.as_ref().map_or(0.0, |tilt| {
-            self.robot.update_positions(q);
-            tilt.of(&self.robot)
-        })
+    /// How far the end effector at `q` is off where it has to point, and may be \[rad\].
+    pub fn each_off(&mut self, q: &[f64]) -> Vec<(f64, f64)> {
+        let Self { robot, pointings, .. } = self;
+        if !pointings.is_empty() {
+            robot.update_positions(q);
+        }
+        pointings.iter().map(|it| (it.of(robot), it.most())).collect()
     }
 
-    /// Moves `q` to where the end effector is tilted by no more than it may; whether it is not where it was.
+    /// Which share the end effector at `q` is off where it has to point, of what it may at a goal; 0 where that does not matter.
+    pub fn off_at(&mut self, q: &[f64]) -> f64 {
+        if self.pointings.is_empty() {
+            return 0.0;
+        }
+        self.robot.update_positions(q);
+        self.pointings.iter().map(|it| it.share_at_goal(&self.robot)).fold(0.0, f64::max)
+    }
+
+    /// What of that it is off most at `q`, in a sentence; it has to point somewhere.
+    pub fn why_off(&mut self, q: &[f64]) -> String {
+        let Self { robot, pointings, .. } = self;
+        robot.update_positions(q);
+        let [a, b] = [pointings.first(), pointings.last()].map(|it| it.expect("it has to"));
+        let worst = if a.share_at_goal(robot) >= b.share_at_goal(robot) { a } else { b };
+        worst.why(robot)
+    }
+
+    /// Moves `q` to where the end effector is off no more than it may; whether it is not where it was.
     pub fn level(&mut self, q: &mut [f64]) -> bool {
-        self.tilt.as_ref().is_some_and(|tilt| tilt.level(&mut self.robot, q))
+        let Self { robot, pointings, .. } = self;
+        let mut is_moved = false;
+        for _ in 0..LEVELLINGS {
+            let moved = pointings.iter().filter(|it| it.level(robot, q)).count();
+            is_moved |= moved > 0;
+            // What the last one did is undone by nobody.
+            if moved == 0 || pointings.len() == 1 {
+                break;
+            }
+        }
+        is_moved
     }
 
     /// What keeps the motion between two `ends` from being free. Halves of halves are asked, the large ones first: what is hit is hit

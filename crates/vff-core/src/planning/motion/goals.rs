@@ -95,8 +95,8 @@ where
         Ok(found)
     }
 
-    /// From a configuration with this `residual` to one near it with the end effector upright, where the pose leaves that open: steps
-    /// that right it and steps to the pose take turns.
+    /// From a configuration with this `residual` to one near it with the end effector upright, or looking at what it has to, where the pose
+    /// leaves that open: steps that right it and steps to the pose take turns.
     fn solve_upright<const M: usize>(
         &mut self,
         solver: &mut Solver<M>,
@@ -108,14 +108,14 @@ where
         S: System<D, M>,
     {
         for _ in 0..RIGHTINGS {
-            let before = self.space.tilt_at(q);
-            if before <= self.most_at_goal() {
+            let before = self.space.off_at(q);
+            if before <= 1.0 {
                 break;
             }
             let mut next = q.clone();
             self.space.level(&mut next);
             let there = solver.solve(self.space.robot(), &mut next, pose);
-            if !there.is_reached() || self.space.tilt_at(&next) >= before {
+            if !there.is_reached() || self.space.off_at(&next) >= before {
                 break;
             }
             (*q, residual) = (next, there);
@@ -123,38 +123,34 @@ where
         residual
     }
 
-    /// Whether the arm at `q` touches nothing, and the end effector is as upright as it has to be at a goal.
+    /// Whether the arm at `q` touches nothing, and the end effector points where it has to at a goal.
     fn is_free_and_upright(&mut self, q: &[f64]) -> bool {
-        let tilt = self.space.tilt.take();
+        let pointings = std::mem::take(&mut self.space.pointings);
         let is_free = self.space.is_free(q);
-        self.space.tilt = tilt;
-        is_free && self.space.tilt_at(q) <= self.most_at_goal()
+        self.space.pointings = pointings;
+        is_free && self.space.off_at(q) <= 1.0
     }
 
-    /// What the end effector may be tilted by at a goal \[rad\].
-    fn most_at_goal(&self) -> f64 {
-        self.space.tilt.as_ref().map_or(f64::INFINITY, Tilt::most_at_goal)
-    }
-
-    /// Those goals where the end effector is upright enough.
+    /// Those goals where the end effector points where it has to.
     ///
     /// # Errors
     /// If there are none, in a sentence.
-    pub(super) fn level(&mut self, mut goals: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>, String> {
-        let (mut least, most) = (f64::INFINITY, self.most_at_goal());
-        goals.retain(|q| {
-            let tilted = self.space.tilt_at(q);
-            least = least.min(tilted);
-            tilted <= most
-        });
-        if goals.is_empty() { Err(too_tilted(least, most)) } else { Ok(goals) }
+    pub(super) fn level(&mut self, goals: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>, String> {
+        let off: Vec<f64> = goals.iter().map(|q| self.space.off_at(q)).collect();
+        if off.iter().all(|off| *off > 1.0) {
+            let nearest = off.iter().zip(&goals).min_by(|a, b| a.0.total_cmp(b.0));
+            return Err(nearest.map_or_else(String::new, |(_, q)| self.space.why_off(q)));
+        }
+        Ok(goals.into_iter().zip(off).filter(|(_, off)| *off <= 1.0).map(|(q, _)| q).collect())
     }
 
-    /// Begins a search with what may be tilted at its ends.
-    pub(super) fn search_tilts(&mut self, goals: &[Vec<f64>]) {
-        let Some(mut tilt) = self.space.tilt.take() else { return };
-        tilt.search(self.space.robot(), std::iter::once(&self.start).chain(goals));
-        self.space.tilt = Some(tilt);
+    /// Begins a search with what may be off at its ends.
+    pub(super) fn search_pointings(&mut self, goals: &[Vec<f64>]) {
+        let mut pointings = std::mem::take(&mut self.space.pointings);
+        for pointing in &mut pointings {
+            pointing.search(self.space.robot(), std::iter::once(&self.start).chain(goals));
+        }
+        self.space.pointings = pointings;
     }
 
     /// Turns joints without limits by full turns until they are as near to the start as that brings them.

@@ -158,6 +158,8 @@ impl Twist {
 pub struct Levers {
     /// How far a point of link l is from joint i at most, number i·n + l; 1 where joint i slides.
     lever: Vec<f64>,
+    /// The same of the tip of the end effector.
+    tip: Vec<f64>,
     n: usize,
     /// All of the arm stays within so much of there \[m\].
     origin: Vector<3>,
@@ -179,7 +181,8 @@ impl Levers {
             extent[body.link] = extent[body.link].max(from_joint);
         }
         let thickest = robot.bodies().map(|body| body.shape.radius).fold(0.0, f64::max);
-        let (mut lever, mut reach) = (vec![0.0; n * n], 0.0);
+        let (mut lever, mut tip, mut reach) = (vec![0.0; n * n], vec![0.0; n], 0.0);
+        let last = (robot.tip() - robot.joint_position(n - 1)).norm();
         for i in 0..n {
             interrupt::checkpoint(n);
             let mut along = travel(i);
@@ -193,8 +196,9 @@ impl Levers {
                     along += next.norm() + travel(link + 1);
                 }
             }
+            tip[i] = if robot.slides(i) { 1.0 } else { along + last };
         }
-        Self { lever, n, origin: in_space(&robot.joint_position(0)), reach }
+        Self { lever, tip, n, origin: in_space(&robot.joint_position(0)), reach }
     }
 
     /// The centre and the radius of a ball in which all of the arm is, wherever its joints are \[m\].
@@ -213,18 +217,31 @@ impl Levers {
         (0..self.n).map(|link| self.way(ends, None, link)).fold(0.0, f64::max)
     }
 
+    /// How far the tip of the end effector goes at most while the joints go from `a` to `b`, and how much it is accelerated while they do so
+    /// evenly in unit time \[m\].
+    pub fn of_tip(&self, [a, b]: [&[f64]; 2]) -> [f64; 2] {
+        let steps = a.iter().zip(b).map(|(a, b)| (b - a).abs());
+        bent(steps.zip(self.tip.iter().copied()))
+    }
+
     /// How much `link` is accelerated at most as seen by `from` while the joints go evenly from `a` to `b` in unit time
     /// \[m\]: of two joints, the one before turns what the one behind moves (T195).
     pub fn bend(&self, [a, b]: [&[f64]; 2], from: Option<usize>, link: usize) -> f64 {
         let first = from.map_or(0, |from| from + 1);
-        let (mut sum, mut before) = (0.0, 0.0);
-        for i in first..=link {
-            let step = (b[i] - a[i]).abs();
-            sum += step * self.lever[i * self.n + link] * (step + 2.0 * before);
-            before += step;
-        }
-        sum
+        let steps = (first..=link).map(|i| ((b[i] - a[i]).abs(), self.lever[i * self.n + link]));
+        bent(steps)[1]
     }
+}
+
+/// How far joints with these steps and levers, the first one first, carry a point at most, and how much they accelerate it.
+fn bent(steps: impl Iterator<Item = (f64, f64)>) -> [f64; 2] {
+    let ([mut way, mut bend], mut before) = ([0.0; 2], 0.0);
+    for (step, lever) in steps {
+        way += step * lever;
+        bend += step * lever * (step + 2.0 * before);
+        before += step;
+    }
+    [way, bend]
 }
 
 #[cfg(test)]

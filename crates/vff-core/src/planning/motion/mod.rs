@@ -12,9 +12,9 @@ mod margins;
 mod own_room;
 mod plan;
 mod planner;
+mod pointing;
 mod report;
 mod straight;
-mod tilt;
 mod time_law;
 mod timing;
 mod tree;
@@ -43,15 +43,15 @@ use margins::{APART, End, Margins, SHARE};
 pub use plan::{Plan, PlanSettings, PlanStatus};
 pub(super) use planner::ranges_of;
 use planner::{Aim, Planner, STREAM};
+use pointing::Pointing;
+pub(super) use pointing::leads_upright;
 use std::f64::consts::PI;
 use std::fmt::Write;
 use std::sync::Arc;
-use tilt::Tilt;
-pub(super) use tilt::leads_upright;
 use time_law::{Bounds, LONGEST, Stop, TimeLaw};
 use timing::CHECKS;
 pub(super) use timing::STEP;
-use why::{beyond, length, too_far, too_tilted};
+use why::{beyond, length, too_far};
 
 /// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.
 const FARTHEST: f64 = 100.0;
@@ -123,6 +123,12 @@ fn validate(settings: &PlanSettings, n: usize, dimension: usize) -> Result<(), S
     if let Some(tilt) = settings.tilt {
         number("tilt", tilt, &POSITIVE)?;
         number("tilt", tilt, &FINITE)?;
+    }
+    if let Some((point, angle)) = &settings.view {
+        numbers_of("view", point.len(), dimension)?;
+        near_enough("view", point)?;
+        number("view_angle", *angle, &POSITIVE)?;
+        number("view_angle", *angle, &FINITE)?;
     }
     for (path, given) in [("acceleration", &settings.acceleration), ("jerk", &settings.jerk)] {
         if let Some(given) = given {
@@ -203,6 +209,18 @@ pub(super) fn has_ends<R: Jointed<D>, const D: usize>(
     Ok(())
 }
 
+/// Where the end effector has to point that may lean by `tilt` \[rad\] from how it stands at `upright`, and keeps what it is to `view`.
+pub(super) fn pointings<R: Jointed<D>, const D: usize>(
+    robot: &mut R,
+    upright: &[f64],
+    tilt: Option<f64>,
+    view: Option<&(Vec<f64>, f64)>,
+) -> Vec<Pointing> {
+    let tilt = tilt.map(|most| Pointing::upright(robot, upright, most));
+    let view = view.map(|(point, angle)| Pointing::in_view::<D>(point, *angle));
+    tilt.into_iter().chain(view).collect()
+}
+
 /// Where the arm has to go.
 #[derive(Debug, Clone)]
 pub(super) enum Goal<P> {
@@ -242,7 +260,7 @@ where
         let window = Some(Window { start: time, duration: horizon });
         let mut space = FreeSpace::new(arm.state(), world, window, *keeps_apart, margin);
         let upright = settings.upright.as_ref().unwrap_or(start);
-        space.tilt = settings.tilt.map(|most| Tilt::new(space.robot(), upright, most));
+        space.pointings = pointings(space.robot(), upright, settings.tilt, settings.view.as_ref());
         let mut planner = Planner::<S, D> {
             space,
             arm: Arc::clone(arm),

@@ -22,6 +22,9 @@ pub struct PlanSettings {
     pub tilt: Option<f64>,
     /// Where it stands upright, if that is not the start \[rad\].
     pub upright: Option<Vec<f64>>,
+    /// A point that the end effector keeps in view \[m\], and how far off its axis that may be, z in space and the last link in the plane
+    /// \[rad\], > 0. What is in between does not matter. None: neither does where it looks.
+    pub view: Option<(Vec<f64>, f64)>,
     /// How far the end effector comes straight to the goal, without turning \[m\], ≥ 0: along what it has in front of it there, z in space and
     /// the last link in the plane; or the vector along which it comes. None: that does not matter.
     pub approach: Option<ScalarOrVec>,
@@ -52,6 +55,7 @@ impl Default for PlanSettings {
             horizon: Some(1.0),
             tilt: None,
             upright: None,
+            view: None,
             approach: None,
             retreat: None,
             acceleration: None,
@@ -137,6 +141,8 @@ pub struct Plan {
     /// How far the end effector tilts at most where it is looked at between instants \[rad\]; None where that does not matter, or nothing was
     /// found.
     pub tilt: Option<f64>,
+    /// The same of how far off its axis it has the point that it keeps in view.
+    pub view: Option<f64>,
     /// What is left to a goal \[rad\]; of one out of reach \[m\]; 0 if it was found.
     pub gap: f64,
     /// How many random configurations were tried.

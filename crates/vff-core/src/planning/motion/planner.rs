@@ -75,7 +75,7 @@ where
             })
         };
         let first = self.end(&start);
-        self.search_tilts(&[]);
+        self.search_pointings(&[]);
         let nothing = |status, message, gap, margin| Plan {
             status,
             message,
@@ -88,6 +88,7 @@ where
             margins: vec![],
             shares: vec![],
             tilt: None,
+            view: None,
             gap,
             samples: 0,
             nodes: 0,
@@ -126,7 +127,7 @@ where
             Ok(candidates) => candidates,
             Err(why) => return Ok(nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0)),
         };
-        self.search_tilts(&candidates);
+        self.search_pointings(&candidates);
         let mut goals: Vec<End> = candidates.iter().map(|q| self.end(q)).collect();
         // A candidate that touches the arm itself has no room that counts, however far it is from everything else.
         let roomiest = goals.iter().max_by(|a, b| {
@@ -182,7 +183,7 @@ where
             }
             let margins = &ladder[k.min(last)];
             self.space.margins.clone_from(margins);
-            self.search_tilts(&ends);
+            self.search_pointings(&ends);
             let margin = margins.far.iter().copied().fold(f64::INFINITY, f64::min);
             let open: Vec<&Way> = approaches.iter().filter(|way| self.is_free_along(way)).collect();
             let blocked = match (self.is_free_along(&retreat), open.is_empty()) {
@@ -216,11 +217,16 @@ where
                     break;
                 }
                 let found = &found[0];
+                let more = match (self.settings.tilt.is_some(), self.settings.view.is_some()) {
+                    (false, false) => " or",
+                    (true, false) => ", a greater tilt or",
+                    (false, true) => ", a greater angle of view or",
+                    (true, true) => ", a greater tilt, a greater angle of view or",
+                };
                 let why = format!(
                     "the search came to {:.3} rad from the goal after {all} samples; more samples, another seed{} a smaller margin \
                      may help",
-                    found.gap,
-                    if self.space.tilt.is_some() { ", a greater tilt or" } else { " or" },
+                    found.gap, more,
                 );
                 failed = Some(Plan {
                     q: found.path.concat(),
@@ -231,7 +237,7 @@ where
                 continue;
             };
             self.space.margins.shares = ROUNDED;
-            self.space.tilt.iter_mut().for_each(Tilt::round);
+            self.space.pointings.iter_mut().for_each(Pointing::round);
             let (mut status, mut why) = (PlanStatus::NotFound, String::new());
             for found in &found {
                 let approach = open.iter().find(|way| found.path.last() == way.first());
@@ -339,7 +345,7 @@ where
             let bulge: Vec<f64> = (0..n)
                 .map(|i| first[i].abs().max(second[i].abs()) * (0.5 * h).powi(2) / 8.0)
                 .collect();
-            let turns = bulge.iter().sum();
+            let (turns, carried) = (bulge.iter().sum(), self.space.way_of_tip([&rest, &bulge]));
             let bulges: Vec<f64> =
                 (0..n).map(|link| self.space.way([&rest, &bulge], link)).collect();
             let kept: Vec<f64> = (0..n)
@@ -350,10 +356,10 @@ where
             let bulge = bulges.iter().copied().fold(0.0, f64::max);
             self.space.margins =
                 Margins::constant(kept.clone(), at_a.min(at_b) + bulge).and_beyond(bulges.clone());
-            self.space.tilt.iter_mut().for_each(|tilt| tilt.and_beyond(turns));
+            self.space.pointings.iter_mut().for_each(|it| it.and_beyond(turns, carried));
             let is_free = self.space.is_free_between(a, &middle[0])
                 && self.space.is_free_between(&middle[0], b);
-            self.space.tilt.iter_mut().for_each(|tilt| tilt.and_beyond(0.0));
+            self.space.pointings.iter_mut().for_each(|it| it.and_beyond(0.0, 0.0));
             self.space.margins.clone_from(&margins);
             if !is_free {
                 return None;

@@ -40,7 +40,8 @@ where
                 .fold(f64::INFINITY, f64::min),
             margins: margins.concat(),
             shares: if self.space.has_own_margins() { shares.concat() } else { vec![] },
-            tilt: self.space.tilt.as_ref().map(|_| 0.0),
+            tilt: None,
+            view: None,
             gap: 0.0,
             samples,
             nodes,
@@ -57,10 +58,18 @@ where
         }
         plan.clearance = self.clearance_of(&spline, &margins);
         let mut through: Option<(f64, [String; 2], f64)> = None;
-        if plan.tilt.is_some() || !self.space.keeps_apart() {
+        // How far off each is at most where it has to point, and until when by more than it may be.
+        let mut off = vec![(0.0_f64, None); self.space.pointings.len()];
+        if !self.space.pointings.is_empty() || !self.space.keeps_apart() {
             for t in (0..spline.times().len() - 1).flat_map(|k| instants(&spline, k)) {
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
-                plan.tilt = plan.tilt.map(|most| most.max(self.space.tilt_at(&state[0])));
+                for ((most, until), now) in off.iter_mut().zip(self.space.each_off(&state[0])) {
+                    let (now, allowed) = now;
+                    *most = most.max(now);
+                    if now > allowed {
+                        *until = Some(t);
+                    }
+                }
                 if let Some((depth, links)) = self.space.passed_through(&state[0])
                     && through.as_ref().is_none_or(|(most, ..)| depth > *most)
                 {
@@ -68,14 +77,24 @@ where
                 }
             }
         }
+        for (pointing, (most, _)) in self.space.pointings.iter().zip(&off) {
+            let told = if pointing.is_view() { &mut plan.view } else { &mut plan.tilt };
+            *told = Some(*most);
+        }
         plan.message = format!("a motion of {:.3} s", spline.span()[1]);
         if plan.clearance.is_finite() {
             let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
         }
-        if let (Some(most), Some(tilt)) = (plan.tilt, &self.space.tilt) {
-            let [most, allowed] = [most, tilt.most()].map(f64::to_degrees);
-            let _ =
-                write!(plan.message, "; the end effector tilts up to {most:.1}° of {allowed:.1}°");
+        for (pointing, (most, until)) in self.space.pointings.iter().zip(&off) {
+            let [most, allowed] = [*most, pointing.most()].map(f64::to_degrees);
+            let what = if pointing.is_view() { "has the point off its axis" } else { "tilts" };
+            let _ = write!(plan.message, "; the end effector {what} by up to {most:.1}°");
+            let _ = match until {
+                None => write!(plan.message, " of {allowed:.1}°"),
+                Some(t) => {
+                    write!(plan.message, ", and no more than {allowed:.1}° from {t:.2} s on")
+                }
+            };
         }
         for (place, off) in ["from the start", "to the goal"].into_iter().zip(off_lines) {
             if let Some(off) = off {

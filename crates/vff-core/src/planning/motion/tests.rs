@@ -534,7 +534,7 @@ fn what_is_carried_stays_upright() {
         assert!(seen <= tilt, "{seen} of {tilt}");
         assert!((upright.tilt.unwrap() - seen).abs() < 0.02 * tilt, "{:?} {seen}", upright.tilt);
         assert!(
-            upright.clearance > 0.0 && upright.message.contains("tilts up to"),
+            upright.clearance > 0.0 && upright.message.contains("tilts by up to"),
             "{}",
             upright.message
         );

@@ -72,6 +72,15 @@ pub fn too_tilted(tilt: f64, most: f64) -> String {
     )
 }
 
+/// Why a goal is of no use from which a point is off the axis of the end effector by `off`, of at most so much \[rad\].
+pub fn out_of_view(off: f64, most: f64) -> String {
+    let [off, most] = [off, most].map(f64::to_degrees);
+    format!(
+        "at the goal the point that is to be kept in view is {off:.2}° off the axis of the end effector, and may be {most:.2}°; a goal \
+         that looks at it, or a greater angle of view, helps",
+    )
+}
+
 impl Obstruction {
     /// How far they are from each other \[m\].
     pub fn distance(&self) -> f64 {
