@@ -197,6 +197,7 @@ def environment(folder: Path, wheel: Path, needs: frozenset[str]) -> dict[str, s
         "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
         "VIRTUAL_ENV": str(folder),
         "CARGO_TARGET_DIR": str(ROOT / "target"),  # compiled already
+        "VFFNULL_CARGO": "build --workspace --release --locked",  # as that was, with all features
         "MPLBACKEND": "Agg",
     }
 
