@@ -92,7 +92,7 @@ def test_what_stopped_the_loop_comes_first_and_is_red(short: Any) -> None:
     assert (first.verdict, first.severity, first.text) == ("diverged", "bad", state["message"])
     wait_for(lambda: "<b>diverged</b>" in panel._numbers.content)
     wait_for(lambda: not panel._pause.visible)
-    assert panel._replay.visible and panel._back.visible
+    wait_for(lambda: panel._replay.visible and panel._back.visible)
     content = panel._numbers.content
     assert color(content, "time") == ALARM and CALM not in (color(content, "newtons"), color(content, "time"))
     short.reset()

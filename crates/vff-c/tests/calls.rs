@@ -967,6 +967,8 @@ struct Model {
     refers: bool,
     commanded: bool,
     begun: bool,
+    /// Whether the loop is over, which a reset leaves.
+    over: bool,
     t: f64,
 }
 
@@ -1182,6 +1184,7 @@ impl Model {
                 Call::Follow => (vff_controller_follow_scenario(owned.0), NoReference),
                 Call::Reset => {
                     (self.observed, self.commanded) = (false, false);
+                    self.begun &= !self.over;
                     let done = vff_controller_reset(owned.0);
                     assert_ne!(done, Length);
                     (done, Fine)
@@ -1197,7 +1200,7 @@ impl Model {
                     // A measured torque may be anything.
                     let expected = of(given).filter(|status| *status != Status::NotFinite);
                     if done == Fine {
-                        self.begun = true;
+                        (self.begun, self.over) = (true, false);
                         (self.observed, self.commanded) = (false, false);
                     }
                     (done, expected.unwrap_or(Fine))
@@ -1225,6 +1228,7 @@ impl Model {
                     if done == Fine {
                         assert!(tau.iter().all(|tau| tau.is_finite()));
                         self.observed = false;
+                        self.over = matches!(phase, vff_phase::Lost | vff_phase::Finished);
                         self.commanded |= matches!(phase, vff_phase::Starting | vff_phase::Running);
                     } else {
                         assert_eq!(tau, vec![0.25; q.len()]);

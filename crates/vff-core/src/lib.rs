@@ -76,6 +76,10 @@
 //! Arrows run one way: `runtime → planning → scenario → simulation → control → {field, robot, world, trajectory} → geometry → {math, settings}`.
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+#[macro_use]
+mod properties; // before what uses its macro
+
 pub mod control;
 pub mod field;
 pub mod geometry;

@@ -222,7 +222,7 @@ mod tests {
         limit.iter().map(|limit| [-*limit, *limit]).collect()
     }
 
-    proptest! {
+    properties! {
         /// Every joint is within its limit, a torque that fits is left alone, one that does not is used up to a limit, and
         /// the first objective is given up only where it pushes beyond one.
         #[test]

@@ -378,7 +378,7 @@ mod tests {
         }
     }
 
-    proptest! {
+    properties! {
         /// An arm that moves under any torque: the estimate comes to what acts on it beside that, as 1 − exp(−K t) does.
         #[test]
         fn follows_a_step_as_a_lag_of_first_order(c in case(1usize..8), bandwidth in 10.0..200.0) {

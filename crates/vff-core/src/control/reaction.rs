@@ -212,7 +212,7 @@ mod tests {
         })
     }
 
-    proptest! {
+    properties! {
         /// While somebody pushes, whatever arm and hand do, what the springs hold is never more than it was: of the posture,
         /// and of the task per mass (T168–T170).
         #[test]

@@ -142,7 +142,7 @@ mod tests {
         torque
     }
 
-    proptest! {
+    properties! {
         /// Joints that can brake as they like feel in their null space the spring of the posture.
         #[test]
         fn it_is_the_spring_where_that_is_slow(c in case(3..7_usize)) {

@@ -174,7 +174,7 @@ mod tests {
         found
     }
 
-    proptest! {
+    properties! {
         /// Nothing oscillates, whatever the rate: the body keeps the distance from a wall of up to twice the speed that
         /// barriers reckon with, and comes back without going too far.
         #[test]
@@ -201,7 +201,7 @@ mod tests {
         }
     }
 
-    proptest! {
+    properties! {
         /// Joints that couple by whatever masses, all of them on their way to their largest speeds, brake at the same time:
         /// (T176) asks for no more than the rate, and no speed is passed.
         #[test]
@@ -243,7 +243,7 @@ mod tests {
         }
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(32))]
 
         /// A joint that goes on at its speed comes to its stop with less than the jerk that is reckoned with, whatever its own

@@ -124,7 +124,7 @@ mod tests {
         prop::collection::vec([-0.5..0.5, -0.5..0.5, -0.5..0.5], 8..24)
     }
 
-    proptest! {
+    properties! {
         /// Never more than the distance that all pairs of features have, and less by rounding alone; a limit ends the search
         /// at no other answer.
         #[test]

@@ -33,7 +33,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// They are the first of all, sorted in the order in which they came where keys are equal.
         #[test]
         fn they_are_the_first_when_sorted(keys in prop::collection::vec(0u8..20, 0..40)) {

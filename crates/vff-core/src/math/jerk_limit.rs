@@ -218,7 +218,7 @@ mod tests {
     const BOUNDS: JointBounds =
         JointBounds { position: [-1.0, 1.0], speed: 2.0, acceleration: 10.0, jerk: 5000.0 };
 
-    proptest! {
+    properties! {
         /// Whatever is wanted, at every period, no bound is exceeded, in the samples and between them.
         #[test]
         fn no_bound_is_exceeded(

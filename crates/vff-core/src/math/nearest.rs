@@ -229,7 +229,7 @@ mod tests {
         pairs.map(|(i, j)| (on(a, i) - on(b, j)).norm()).fold(f64::INFINITY, f64::min)
     }
 
-    proptest! {
+    properties! {
         /// Never above the grid's distance, nor below by more than its spacing; where the axes cross,
         /// not positive. The normal is the gradient of the distance.
         #[test]
@@ -309,7 +309,7 @@ mod tests {
             })
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig { max_global_rejects: 100_000, ..ProptestConfig::with_cases(2000) })]
 
         /// ḋ and d̈ of two rods in space are those of the distances a moment before and after, whichever features

@@ -71,7 +71,7 @@ mod tests {
         value.clone().try_into::<T>().unwrap_err().to_string()
     }
 
-    proptest! {
+    properties! {
         /// What serde reads as an array is read alike, and what it refuses is refused with the same words.
         #[test]
         fn as_serde_reads_arrays(numbers in prop::collection::vec(-1e3..1e3, 0..6)) {

@@ -134,7 +134,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// Control points hold the curve, and their differences bound its derivatives, on any part of a piece.
         #[test]
         fn control_points_bound_the_curve(

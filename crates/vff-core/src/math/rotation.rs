@@ -345,7 +345,7 @@ mod tests {
         ProptestConfig::with_cases(512)
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(cases())]
 
         /// exp and log undo each other up to a half turn, through the matrix too.

@@ -99,7 +99,7 @@ mod tests {
         Ok(())
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
 
         /// Against the C library, within one unit in the last place.

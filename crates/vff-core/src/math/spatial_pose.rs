@@ -170,7 +170,7 @@ mod tests {
         })
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(128))]
 
         /// The error is the displacement to first order, at the pose itself: e(x ⊕ δ, x) = δ + O(δ³).

@@ -86,7 +86,7 @@ mod tests {
         [-3.0..3.0, -3.0..3.0].prop_map(Vector::from)
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         /// It starts in the state that it is given, its derivatives are those of its positions, it

@@ -209,7 +209,7 @@ mod tests {
     use crate::testing::case;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
         /// Every joint moves against its bound or stands still within its bounds, v = v* + M⁻¹p, and

@@ -191,7 +191,7 @@ mod tests {
         PERIOD * f64::from(u32::try_from(k).unwrap())
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         /// Whatever the error does, σ runs between 0 and the speed of time; x_r, ẋ_r and ẍ_r do not jump

@@ -286,7 +286,7 @@ mod tests {
         state
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         /// Through every knot, C² across it, the derivatives exact, and at rest at both ends.
@@ -335,7 +335,7 @@ mod tests {
         }
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         /// With rests it is, bit for bit, one motion from rest to rest after the other, and still in between.

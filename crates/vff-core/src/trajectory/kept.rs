@@ -140,7 +140,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// Never above what was said at either knot around, nor above the most that is asked for; its derivatives are those
         /// of what it changes by, at any pace, and it is at rest outside.
         #[test]

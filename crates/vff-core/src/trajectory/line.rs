@@ -62,7 +62,7 @@ mod tests {
         Trajectory::new(&reference, &PlanarPose(Vector::<3>::new(7.0, 8.0, 9.0)))
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]

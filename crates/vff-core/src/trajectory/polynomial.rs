@@ -49,7 +49,7 @@ mod tests {
         Trajectory::new(&Reference::Polynomial { coefficients }, &Vector::zeros())
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]

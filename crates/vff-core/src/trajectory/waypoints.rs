@@ -21,7 +21,7 @@ mod tests {
         Trajectory::new(&reference, &Vector::zeros()).unwrap()
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]

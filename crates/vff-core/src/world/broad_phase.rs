@@ -393,7 +393,7 @@ pub(super) mod tests {
         prop_oneof![3 => 0.0..3.0, 1 => prop::sample::select(special)]
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(256))]
 
         #[test]

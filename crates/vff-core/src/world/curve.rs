@@ -146,7 +146,7 @@ mod tests {
         Ok(())
     }
 
-    proptest! {
+    properties! {
         #[test]
         fn rates_are_exact_in_space(
             steps in prop::collection::vec([-0.4..0.4, -0.4..0.4, -0.4..0.4], 4), leg in 0usize..3, share in 0.01..0.99,

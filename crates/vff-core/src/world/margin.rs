@@ -76,7 +76,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// Contact is contact, the margin is the margin, farther is farther, and beyond the margin a metre is a metre.
         #[test]
         fn what_is_kept_decides_how_well_off_a_pair_is(

@@ -445,7 +445,7 @@ mod tests {
         [-3.0..3.0, -3.0..3.0]
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]

@@ -290,7 +290,7 @@ mod tests {
         [-range..range, -range..range, -range..range].prop_map(Vector::from)
     }
 
-    proptest! {
+    properties! {
         /// In space the rotation is that of the rotation vector, in the plane that of the angle.
         #[test]
         fn rotations_are_those_of_other_forms(omega in three(3.0), rate in -9.0..9.0, t in -5.0..5.0) {
@@ -483,7 +483,7 @@ mod tests {
         Ok(())
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(1000))]
 
         #[test]

@@ -211,7 +211,7 @@ pub(super) mod tests {
         );
     }
 
-    proptest! {
+    properties! {
         #[test]
         fn what_is_far_is_not_measured_and_nothing_is_missed(
             obstacles in prop::collection::vec(any_obstacle(), 0..8),

@@ -339,7 +339,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// A joint that is asked for whatever its torque can do comes to rest before its stop, from wherever it could still
         /// be stopped with half of that torque, and does not stay away from it: (T162) asks for no more than there is.
         #[test]

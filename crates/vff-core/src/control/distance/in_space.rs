@@ -269,7 +269,7 @@ fn rates_are_derivatives_of_the_distance() {
     }
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(60) })]
 
     /// Over a way on which features change, ḋ is the integral of the d̈ that is stated: nothing is missing where

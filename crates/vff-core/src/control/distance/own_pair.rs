@@ -318,7 +318,7 @@ mod tests {
     use std::collections::HashMap;
     use std::sync::Arc;
 
-    proptest! {
+    properties! {
         /// Two links of a planar arm that share no joint: ḋ and the bias are those of the distance along the
         /// motion with q̈ = 0.
         #[test]
@@ -373,7 +373,7 @@ mod tests {
         found
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(300))]
 
         /// Links of an arm in space, from each other and from the base: the gradient and the bias are those of the distance

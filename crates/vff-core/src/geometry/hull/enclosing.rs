@@ -88,7 +88,7 @@ mod tests {
         assert!((ball.radius - 0.05 * 3f64.sqrt()).abs() < 1e-9 && ball.length == 0.0, "{ball:?}");
     }
 
-    proptest! {
+    properties! {
         /// Nothing sticks out, not even by rounding.
         #[test]
         fn it_holds_the_corners(vertices in any_vertices()) {

@@ -112,7 +112,7 @@ mod tests {
         ahead.iter().position(|ahead| *ahead >= most) == Some(hull.farthest_corner(along))
     }
 
-    proptest! {
+    properties! {
         /// None is farther, and of the ones as far it is the first: along any direction, those between two cells, and those
         /// along which a face lies.
         #[test]

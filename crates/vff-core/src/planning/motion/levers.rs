@@ -267,7 +267,7 @@ pub(super) mod tests {
         Arc::new(panda.build().unwrap()).state()
     }
 
-    proptest! {
+    properties! {
         /// No point of a body goes farther along a normal than the first two terms of its way say, from the middle of a motion to
         /// both ends, and its acceleration is what they take it for (T195).
         #[test]

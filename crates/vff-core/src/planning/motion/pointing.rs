@@ -270,7 +270,7 @@ impl Pointing {
         let turned = turn.cross(&is);
         let bent = 0.5 * part * part;
         let turns = (half * turned.norm() + bent).min(part);
-        if !self.is_view() {
+        if !self.is_view() || carried == 0.0 {
             return turns;
         }
         // The point as seen from the tip, which comes no nearer than that.
@@ -379,7 +379,7 @@ mod tests {
         (robot.tip_axes() * pointing.axis).dot(&should).clamp(-1.0, 1.0).acos()
     }
 
-    proptest! {
+    properties! {
         /// What is certified is so at every sample; and what is refused leaves what is allowed, or comes within the resolution of that.
         #[test]
         fn what_is_kept_is_kept_in_between(

@@ -310,7 +310,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// In so many times the time a torque changes as fast as it may, and not before; what is kept already costs nothing.
         #[test]
         fn it_takes_as_long_as_it_has_to(

@@ -9,7 +9,7 @@ fn apply(n: usize, operator: impl Fn(&mut [f64])) -> Vec<f64> {
     out
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// Every operator against the dense textbook matrices, which share no code with it.

@@ -425,7 +425,7 @@ mod tests {
         assert!((norm(&tool.orientation) - 1.0).abs() < 1e-15);
     }
 
-    proptest! {
+    properties! {
         /// The aligned frame is a rotation whose z axis is the joint's, also close to both poles.
         #[test]
         fn alignment(x in -1.0..1.0_f64, y in -1.0..1.0, z in -1.0..1.0, power in 0..17_i32) {

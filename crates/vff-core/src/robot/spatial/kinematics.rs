@@ -129,7 +129,7 @@ mod tests {
     use crate::testing::assert_close;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         /// Frames and points are those of chained homogeneous transforms, from the description.

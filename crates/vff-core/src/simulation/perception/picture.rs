@@ -373,7 +373,7 @@ mod tests {
         ]
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(300))]
 
         /// Asked only where they may be seen, bodies and obstacles are in every pixel in which they are when all are asked.

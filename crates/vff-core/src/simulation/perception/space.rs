@@ -522,7 +522,7 @@ mod tests {
         assert!(three.iter().all(|c| c.normal.max() > 0.9), "{three:?}");
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
         /// However many points there are around a body: no more directions than are told of, no two within 80° of each

@@ -201,7 +201,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         /// The axes of a circle's plane are orthonormal and right-handed with its normal, also next to −z.
         #[test]
         fn axes_of_a_plane(x in -1.0..1.0_f64, y in -1.0..1.0, z in -1.0..1.0, power in 0..17_i32) {

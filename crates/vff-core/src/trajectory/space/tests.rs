@@ -68,13 +68,13 @@ fn check(reference: &SpatialReference, start: &SpatialPose, t: f64) {
     assert_close(given.ddx, now.ddx, 1e-14 * scale);
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn derivatives_are_exact(
         x in start(), [a, b, c] in prop::array::uniform3(vector(1.5)), turn in quaternion(), other in quaternion(),
-        t in -3.0..3.0, relative: bool, turning: bool, given: bool,
+        t in -3.0..3.0, relative in any::<bool>(), turning in any::<bool>(), given in any::<bool>(),
     ) {
         let orientation = given.then_some(turn);
         let circle = |normal| SpatialReference::Circle {
@@ -101,7 +101,7 @@ proptest! {
 
     /// Splines go through every pose, without a jump, and their ω and α are the derivatives of what they turn.
     #[test]
-    fn splines(x in start(), (times, turns, points) in orientations(), fraction in 0.01..0.99, relative: bool) {
+    fn splines(x in start(), (times, turns, points) in orientations(), fraction in 0.01..0.99, relative in any::<bool>()) {
         let end = times.len() - 1;
         for rests in [true, false] {
             let reference = {

@@ -77,7 +77,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::TAU;
 
-    proptest! {
+    properties! {
         /// The least of the barriers is the distance itself; there are no more than announced, and a
         /// circle has its contact alone.
         #[test]

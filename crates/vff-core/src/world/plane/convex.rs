@@ -84,7 +84,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::PI;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(1000))]
 
         #[test]
@@ -148,7 +148,7 @@ mod tests {
         Ok(())
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
         /// Whatever is how much larger than the other or than the gap.

@@ -253,7 +253,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::TAU;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig { max_global_rejects: 10_000, ..ProptestConfig::with_cases(1000) })]
 
         #[test]

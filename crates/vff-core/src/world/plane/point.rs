@@ -59,7 +59,7 @@ mod tests {
         Nearest { distance, normal: offset / distance, point, meets: Meets::End }
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(1000))]
 
         /// The closed form for discs and parry's projection, to 1e-12.

@@ -55,7 +55,7 @@ mod tests {
         World::new(vec![fixed(shape, position, angle)])
     }
 
-    proptest! {
+    properties! {
         /// The nearer root of |o + s u − c|² = r².
         #[test]
         fn a_disc_in_closed_form(

@@ -61,7 +61,7 @@ mod tests {
     use parry2d_f64::shape::Segment;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig { max_global_rejects: 10_000, ..ProptestConfig::with_cases(1000) })]
 
 

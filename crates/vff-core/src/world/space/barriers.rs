@@ -98,7 +98,7 @@ mod tests {
         found
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(1500))]
 
         /// The least of the barriers is the distance itself, and among them is the contact's own pair of points; there are

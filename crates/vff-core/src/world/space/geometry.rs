@@ -261,7 +261,7 @@ mod tests {
     use crate::world::Feature;
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(1500) })]
 
         #[test]

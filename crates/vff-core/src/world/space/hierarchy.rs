@@ -94,7 +94,7 @@ mod tests {
             .prop_map(|(link, scale)| Capsule { length: link.length * scale, ..link })
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(192))]
 
         /// Half-spaces, which reach as far as there is, among them.

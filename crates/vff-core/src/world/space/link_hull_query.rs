@@ -217,7 +217,7 @@ mod tests {
         any_obstacle()
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(2000) })]
 
         #[test]
@@ -411,7 +411,7 @@ mod tests {
         }
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(150))]
 
         /// In a crowd, and asked for what is near alone, everything is what it is without one, to the last bit.

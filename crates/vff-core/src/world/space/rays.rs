@@ -37,7 +37,7 @@ mod tests {
         distance_to_core(obstacle, point) - core_radius(&obstacle.shape)
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(1500))]
 
         /// Where a ray ends, the distance to the obstacle is 0, and before it is positive.

@@ -87,7 +87,7 @@ fn check_response<const M: usize>(c: &Case) {
     assert_eq!(fused, y);
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// Every operator against the dense textbook matrices, which share no code with it.
@@ -302,7 +302,7 @@ fn for_task<const M: usize>(c: &Case, h: f64) {
     }
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// A planar arm written as a spatial one has the operators of the planar code.

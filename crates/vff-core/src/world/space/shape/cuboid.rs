@@ -318,7 +318,7 @@ mod tests {
     use parry3d_f64::{query, shape};
     use proptest::prelude::*;
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(1500))]
 
         #[test]
@@ -380,7 +380,7 @@ mod tests {
         if outside > 1e-14 * scale { outside } else { inside }
     }
 
-    proptest! {
+    properties! {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
         /// As exact as the coordinates are, whatever is how much larger than the other or than the gap.

@@ -19,7 +19,7 @@ fn rows(link: &Capsule<3>, obstacle: &Obstacle) -> Vec<Contact<3>> {
     found
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(3000) })]
 
     /// The hull of the corners of a box, and of points in its sides and inside, is the box: apart, in touch and

@@ -11,7 +11,7 @@ fn bar(a: Vec3, b: Vec3) -> Shape {
     Shape::Capsule { a: a.into(), b: b.into(), radius: 0.0 }
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
     /// The closed form, parry's (not nearly parallel, where that errs), and that for two links of an arm.

@@ -43,7 +43,7 @@ fn told(world: &mut World, links: &[Capsule<3>], reach: f64, after: f64) -> Vec<
     [found, rows, later].concat()
 }
 
-proptest! {
+properties! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     /// A cloud is the balls at its points, to the last bit: contacts in their order, distances, barriers, and what is
