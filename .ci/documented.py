@@ -57,11 +57,15 @@ SHORTER = {
     " --bench operators -- --quick && python benches/table.py",
     "cargo build -p vff-c --release": "cargo build --workspace --release --locked",
     "python benches/drive.py": "python benches/drive.py --quick",
+    "python benches/friction.py": "python benches/friction.py --quick",
     "python benches/gym.py": "python benches/gym.py 8 20",
-    "python benches/interrupt.py": "python benches/interrupt.py --tries 51",
+    "python benches/gym.py 64 500 panda-sweep": "python benches/gym.py 8 50 panda-sweep",
+    "python benches/interrupt.py": "python benches/interrupt.py --tries 21",
+    "python benches/live.py": "python benches/live.py panda-cup --seconds 3",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",
     "python benches/order.py": "python benches/order.py 2",
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
+    "python benches/sizes.py": "python benches/sizes.py --share 0.3",
     "python benches/studies.py": "python benches/studies.py --quick",
     "python benches/studies.py --long 1000000": "python benches/studies.py --long 10000",
     "vffnull realtime panda-sweep --rate 1000 --seconds 600 --priority 80 --core 3": (
@@ -77,6 +81,7 @@ SHORTER = {
 # What is not run, and why.
 LEFT_OUT = {
     ".ci/check": "runs this script's neighbours, and ran before it",
+    "python benches/instructions.py": "is a step of .ci/check",
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
     "python benches/instructions.py --observer": "is a step of .ci/check",
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",

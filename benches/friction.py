@@ -2,6 +2,7 @@
 
     python benches/friction.py            writes the table of docs/friction.md
     python benches/friction.py --seed 1   with other random numbers, prints it
+    python benches/friction.py --quick    of one arm, prints it
 
 Needs `pip install ".[mujoco]"`.
 
@@ -115,12 +116,13 @@ def judge(run: Run, ideal: Run) -> tuple[float, float, float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int)
+    parser.add_argument("--quick", action="store_true")
     given = parser.parse_args()
     seed = 1000 * (given.seed or 0)
     warnings.simplefilter("ignore")
     found: dict[tuple[str, str, bool], list[tuple[float, float, float, float]]] = {}
     failed = 0
-    for name in SCENES:
+    for name in SCENES[:1] if given.quick else SCENES:
         scene = vff.Scenario.load(name)
         for law in LAWS:
             base = {"controller.avoidance": law, "simulation.control": "hold", "simulation.record_every": 1}
@@ -145,7 +147,7 @@ def main() -> None:
         body.append([name, law, "observed" if observed else "", *cells])
     count = len(COMPENSATED) * len(LOADS)
     text = f"{rows(head, body)}\nMedian / worst of {count} runs each; {failed} diverged.\n"
-    if given.seed is None:
+    if given.seed is None and not given.quick:
         write_section(Path(__file__).parents[1] / "docs" / "friction.md", "friction", text)
     else:
         print(text)

@@ -249,6 +249,10 @@ def camera(**changed: Any) -> dict[str, Any]:
         (lambda: vff.Perceiver(ARM, [CAMERA], {"memory": -1.0}), "settings.memory: must be 0 or more"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"range": np.inf}), "settings.range: must be finite, got inf"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"voxel": 1e-5}), "settings.room: has .* cells"),
+        (
+            lambda: vff.Perceiver(ARM, [CAMERA], {"memory": -1e300}),
+            "settings.memory: must be 0 or more, got -1e300",
+        ),
         (lambda: perceiver().see(np.ones((3, 3)), 0.0), r"depth: expected shape \(240, 320\), got \(3, 3\)"),
         (lambda: perceiver().see(np.ones((240, 320)), 0.0, camera=1), "there is no camera 1"),
         (lambda: perceiver().see(np.ones((240, 320), np.int32), 0.0), "depth: expected uint16, .* got int32"),

@@ -111,6 +111,14 @@ def test_a_goal_that_is_not_reached_is_named(there: vff.Plan) -> None:
         vff.plan(GAP, [])
     with pytest.raises(InputError, match="pause"):
         vff.plan(GAP, [there.q[-1], GAP["q0"]], pause=0.0)
+    turned = {"position": [0.3, 0.0, 0.5], "orientation": [0.0, 0.0, 0.0, 0.0]}
+    with pytest.raises(ScenarioError, match=r"^goal orientation: expected a unit quaternion"):
+        vff.plan("panda-shelf", turned)
+    with pytest.raises(ScenarioError, match=r"^goal\[1\] position\[0\]: must be at most 1e100") as caught:
+        vff.plan(GAP, [there.q[-1], {"position": [1e200, 0.0], "orientation": 0.0}])
+    assert caught.value.path == "goal[1] position[0]"
+    with pytest.raises(ScenarioError, match=r"^goal orientation: must be at most 1e100"):
+        vff.plan(GAP, {"position": [1.0, 0.0], "orientation": 1e200})
 
 
 def test_plans_are_joined_where_they_meet(there: vff.Plan) -> None:

@@ -5,6 +5,26 @@
 
 use crate::math::ScalarOrVec;
 
+/// A sentence in which numbers of more digits than anybody reads stand as powers of ten.
+pub(crate) fn readable(text: &str) -> String {
+    const DIGITS: usize = 24;
+    let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
+    let mut said = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(begin) = rest.find(is_of_number) {
+        let (before, number) = rest.split_at(begin);
+        let end = number.find(|c| !is_of_number(c)).unwrap_or(number.len());
+        let (digits, after) = number.split_at(end);
+        said += before;
+        match digits.parse::<f64>() {
+            Ok(value) if digits.len() > DIGITS => said += &format!("{value:e}"),
+            _ => said += digits,
+        }
+        rest = after;
+    }
+    said + rest
+}
+
 /// A range that numbers have to be in.
 ///
 /// # Example

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 /// Modules, from the bottom; those of one row do not know each other.
 const FLOORS: &[&[&str]] = &[
-    &["interrupt", "math"],
+    &["interrupt", "properties"],
+    &["math"],
     &["settings"],
     &["field", "geometry", "trajectory"],
     &["robot", "testing", "world"],

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 import vffnull._core as _core
 from vffnull._support.arguments import number, positive, whole
-from vffnull._support.errors import InputError, InputTypeError
+from vffnull._support.errors import InputError, InputTypeError, ScenarioError
 from vffnull.model.document import Document
 from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.planning.motion import Plan, PlanStatus
@@ -205,15 +205,18 @@ def _several(goal: Any) -> list[Any] | None:
 
 def _to_one(
     arm: _core.Arm,
-    aim: tuple[Document, list[float] | None],
+    aim: _Aim,
     start: list[float] | None,
     time: float,
     settings: Mapping[str, Any],
 ) -> Plan:
     """A motion from where the arm is then to one goal."""
     begun = clock.perf_counter()
-    document, configuration = aim
-    found = _core.plan(document, goal=configuration, start=start, time=time, **settings)
+    name, document, configuration = aim
+    try:
+        found = _core.plan(document, goal=configuration, start=start, time=time, **settings)
+    except ScenarioError as error:
+        raise error if name is None else _of_goal(name, arm.dimension, error) from None
     wall_time = clock.perf_counter() - begun
     tip = np.array(arm.forward_kinematics(found["q"])[:, -1])
     status = PlanStatus(found.pop("status"))
@@ -227,11 +230,25 @@ def _ignored(arm: Mapping[str, Any]) -> list[Sequence[str]]:
     return [*of_model, *arm.get("ignore", [])]
 
 
-def _aimed(name: str, document: Document, goal: Any, dimension: int) -> tuple[Document, list[float] | None]:
+def _of_goal(name: str, dimension: int, error: ScenarioError) -> ScenarioError:
+    """What is wrong with the reference that stands for a goal, said of the goal."""
+    inside = error.path.removeprefix("reference.")
+    if inside == error.path:
+        return error
+    is_turn = inside in ("orientation", f"point[{dimension}]")
+    path = f"{name} {'orientation' if is_turn else inside.replace('point', 'position')}"
+    return ScenarioError(str(error).replace(error.path, path, 1), path)
+
+
+_Aim = tuple[str | None, Document, list[float] | None]
+"""What people call a goal whose pose is where the reference ends now, the document, and a configuration."""
+
+
+def _aimed(name: str, document: Document, goal: Any, dimension: int) -> _Aim:
     """The document whose reference ends at the goal; or the document, and the goal as a configuration."""
     joints = len(document["q0"])
     if goal is None:
-        return document, None
+        return None, document, None
     position: Any
     orientation: Any = None
     if isinstance(goal, Mapping):
@@ -246,7 +263,7 @@ def _aimed(name: str, document: Document, goal: Any, dimension: int) -> tuple[Do
     else:
         numbers = _numbers(name, goal)
         if len(numbers) == joints:
-            return document, numbers
+            return None, document, numbers
         if len(numbers) != dimension:
             raise InputError(
                 f"{name}: expected a configuration of {joints} numbers, a position of {dimension}, or "
@@ -265,7 +282,7 @@ def _aimed(name: str, document: Document, goal: Any, dimension: int) -> tuple[Do
     # Whatever the law's task is, the plan is for what it keeps apart and sends.
     law = document.get("controller", {})
     controller |= {key: law[key] for key in ("self_collision", "command") if key in law}
-    return {**document, "reference": reference, "controller": controller}, None
+    return name, {**document, "reference": reference, "controller": controller}, None
 
 
 def _numbers(name: str, value: Any) -> list[float]:

@@ -23,6 +23,7 @@ use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::{Capsule, Vector};
 use crate::robot::{Model, Robot, SpatialArm, SpatialState};
+use crate::settings::readable;
 use crate::world::space::{MAX_POINTS, Obstacle, World};
 use camera::Camera;
 use history::{History, LEAP};
@@ -53,7 +54,7 @@ pub enum PerceptionError {
     #[error("cameras: expected one at least")]
     NoCamera,
     /// A camera is none.
-    #[error("cameras[{number}]: {problem}")]
+    #[error("cameras[{number}]: {}", readable(problem))]
     Camera {
         /// Which one.
         number: usize,
@@ -61,7 +62,7 @@ pub enum PerceptionError {
         problem: String,
     },
     /// A setting is out of its range.
-    #[error("settings.{key}: {problem}")]
+    #[error("settings.{key}: {}", readable(problem))]
     Setting {
         /// Its key.
         key: &'static str,
@@ -69,7 +70,7 @@ pub enum PerceptionError {
         problem: String,
     },
     /// Something that is known is of no use.
-    #[error("known[{number}]: {problem}")]
+    #[error("known[{number}]: {}", readable(problem))]
     Known {
         /// Which one.
         number: usize,

@@ -2,6 +2,7 @@
 
 use crate::geometry::ShapeFault;
 use crate::robot::description::DescriptionError;
+use crate::settings::readable;
 use crate::world::{plane, space};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
@@ -36,26 +37,6 @@ fn cut(text: &str) -> Cow<'_, str> {
         Some((end, _)) => format!("{}…", &text[..end]).into(),
         None => text.into(),
     }
-}
-
-/// A sentence in which numbers of more digits than anybody reads stand as powers of ten.
-pub(super) fn readable(text: &str) -> String {
-    const DIGITS: usize = 24;
-    let is_of_number = |c: char| c.is_ascii_digit() || c == '.';
-    let mut said = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(begin) = rest.find(is_of_number) {
-        let (before, number) = rest.split_at(begin);
-        let end = number.find(|c| !is_of_number(c)).unwrap_or(number.len());
-        let (digits, after) = number.split_at(end);
-        said += before;
-        match digits.parse::<f64>() {
-            Ok(value) if digits.len() > DIGITS => said += &format!("{value:e}"),
-            _ => said += digits,
-        }
-        rest = after;
-    }
-    said + rest
 }
 
 fn prefix(path: &str) -> String {

@@ -1,11 +1,11 @@
 //! What is allowed but probably not meant.
 
 use super::Scenario;
-use super::error::readable;
 use super::scene::{FromDocument, ObstacleOf, Scene};
 use crate::control::{Avoidance, Settings, Unstable};
 use crate::math::Vector;
 use crate::robot::Model;
+use crate::settings::readable;
 use crate::simulation::{
     ClosedLoop, Control, MeasurementSettings, PerceptionKind, Snapshot, System, Wrench,
 };
