@@ -97,6 +97,13 @@ def test_in_the_plane_the_last_link_looks() -> None:
     assert "19.05°" in blocked.message and "greater angle of view" in blocked.message
 
 
+def test_a_straight_way_that_looks_away_is_told() -> None:
+    """It does not turn, and what it leaves nearly straight ahead goes out of view."""
+    goal = {"position": [0.5, 0.0, 0.3], "orientation": DOWN}
+    straight = vff.plan(at_rest("panda"), goal, view=[0.5, 0.0, 0.1], view_angle=0.3, retreat=0.05)
+    assert straight.status == "start blocked" and "looks away from its point" in straight.message
+
+
 def test_several_goals_files_and_the_shell(tmp_path: Path) -> None:
     scene = at_rest("panda", obstacles=[TABLE])
     goals = [{"position": [0.5, y, 0.4], "orientation": DOWN} for y in (0.2, -0.2)]

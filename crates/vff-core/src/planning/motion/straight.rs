@@ -96,6 +96,17 @@ where
     pub(super) fn crossed(&mut self, place: Place, way: &Way) -> (String, f64) {
         let nearest = way.iter().map(|q| (q, self.space.clearance(q)));
         let (q, clearance) = nearest.min_by(|a, b| a.1.total_cmp(&b.1)).expect("it has an end");
+        let pointings = std::mem::take(&mut self.space.pointings);
+        let touches_nothing = self.is_free_along(way);
+        self.space.pointings = pointings;
+        if touches_nothing {
+            let why = format!(
+                "{} the end effector leans, or looks away from its point, by more than it may; another direction, or a greater tilt or \
+                 angle of view, helps",
+                place.there()
+            );
+            return (why, clearance);
+        }
         if let Some(found) = self.space.obstruction(q).filter(|found| found.distance() <= 0.0) {
             return (found.sentence(place, self.settings.horizon), found.distance());
         }
