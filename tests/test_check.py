@@ -50,7 +50,7 @@ def test_without_tools_the_rest_is_checked_and_that_is_said(run) -> None:  # typ
     assert said.rstrip().endswith("Everything else holds.")
     assert "benches/instructions.py" not in did
     of_cargo = [f"cargo {command}" for command in ("clippy", "doc", "test", "bench")]
-    for command in (*of_cargo, "ruff check", "mypy", "pytest -n", "sphinx-build"):
+    for command in (*of_cargo, "ruff check", "mypy", "pytest -n auto", "sphinx-build"):
         assert command in did, did
     assert "[valgrind chromium]" in did
 

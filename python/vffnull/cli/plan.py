@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +46,11 @@ def _each(_context: click.Context, param: click.Parameter, text: str | None) -> 
         return None
     numbers = _lists(_context, param, (text,))[0]
     return numbers if len(numbers) > 1 else numbers[0]
+
+
+def _numbers(name: str, metavar: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """An option that is a number, or several between commas."""
+    return click.option(name, callback=_each, metavar=metavar, help=text)
 
 
 def _seconds(_context: click.Context, param: click.Parameter, text: str) -> float | None:
@@ -93,11 +99,8 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     metavar="ANGLE",
     help="How far the end effector may lean [rad]; by default that does not matter.",
 )
-@click.option(
-    "--view",
-    callback=_each,
-    metavar="X,Y[,Z]",
-    help="A point that the end effector keeps in view [m]; by default it looks anywhere.",
+@_numbers(
+    "--view", "X,Y[,Z]", "A point that the end effector keeps in view [m]; by default it looks anywhere."
 )
 @click.option(
     "--view-angle",
@@ -106,30 +109,20 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     metavar="ANGLE",
     help="How far off its axis that point may be [rad].",
 )
-@click.option(
+@_numbers(
     "--approach",
-    callback=_each,
-    metavar="LENGTH|X,Y,Z",
-    help="Come straight to each goal, so far along the tool's axis, or along a vector [m].",
+    "LENGTH|X,Y,Z",
+    "Come straight to each goal, so far along the tool's axis, or along a vector [m].",
 )
-@click.option(
-    "--retreat",
-    callback=_each,
-    metavar="LENGTH|X,Y,Z",
-    help="Leave straight, so far back along the tool's axis, or along a vector [m].",
+@_numbers(
+    "--retreat", "LENGTH|X,Y,Z", "Leave straight, so far back along the tool's axis, or along a vector [m]."
 )
-@click.option(
+@_numbers(
     "--acceleration",
-    callback=_each,
-    metavar="A[,B,…]",
-    help="The limit of all joints, or of each [rad/s²]; by default 30 in the plane, 10 in space.",
+    "A[,B,…]",
+    "The limit of all joints, or of each [rad/s²]; by default 30 in the plane, 10 in space.",
 )
-@click.option(
-    "--jerk",
-    callback=_each,
-    metavar="A[,B,…]",
-    help="The limit of all joints, or of each [rad/s³]; by default none.",
-)
+@_numbers("--jerk", "A[,B,…]", "The limit of all joints, or of each [rad/s³]; by default none.")
 @click.option("--samples", type=int, default=50_000, show_default=True, help="When to give up.")
 @click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
@@ -238,8 +231,8 @@ def _table(found: Plan) -> str:
 
 
 def _summary(found: Plan) -> dict[str, str | float | int | None]:
-    def finite(value: float, digits: int) -> float | None:
-        return round(value, digits) if math.isfinite(value) else None
+    def finite(value: float | None, digits: int) -> float | None:
+        return round(value, digits) if value is not None and math.isfinite(value) else None
 
     return {
         "status": str(found.status),
@@ -247,8 +240,8 @@ def _summary(found: Plan) -> dict[str, str | float | int | None]:
         "duration": finite(found.duration, 3),
         "clearance": finite(found.clearance, 4),
         "margin": finite(found.margin, 4),
-        "tilt": None if found.tilt is None else finite(found.tilt, 4),
-        "view": None if found.view is None else finite(found.view, 4),
+        "tilt": finite(found.tilt, 4),
+        "view": finite(found.view, 4),
         "gap": finite(found.gap, 4),
         "samples": found.samples,
         "nodes": found.nodes,

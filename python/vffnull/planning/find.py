@@ -158,12 +158,13 @@ def plan(
     document, arm = ready._document, ready.arm  # neither changes here, and to copy them takes milliseconds
     at = None if start is None else _vector("start", start, len(document["q0"]))
     now = _finite("time", time)
+    angle = positive("view_angle", view_angle)
     settings: dict[str, Any] = {
         "margin": _finite("margin", margin),
         "horizon": None if horizon is None else _finite("horizon", horizon),
         "tilt": None if tilt is None else positive("tilt", tilt),
         "upright": None if tilt is None else document["q0"] if at is None else at,
-        "view": None,
+        "view": None if view is None else (_vector("view", view, arm.dimension), angle),
         "approach": _straight("approach", approach, arm.dimension),
         "retreat": _straight("retreat", retreat, arm.dimension),
         "acceleration": _each("acceleration", acceleration, len(document["q0"])),
@@ -173,9 +174,6 @@ def plan(
         "paths": whole("paths", paths, 1, _MAX_PATHS),
         "seed": whole("seed", seed, 0, 2**64 - 1),
     }
-    angle = positive("view_angle", view_angle)
-    if view is not None:
-        settings["view"] = _vector("view", view, arm.dimension), angle
     rest = positive("pause", pause)
     several = _several(goal)
     if several is None:

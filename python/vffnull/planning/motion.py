@@ -216,8 +216,6 @@ class Plan:
             most = 0.5 * np.diff(following.t).min() / np.finfo(float).eps
             raise InputError(f"pause: expected {least:.1g} to {most:.1g} s between these plans, got {rest} s")
         joined["q"][len(self.t)] = self.q[-1]  # exactly: that makes it a rest
-        tilts = [plan.tilt for plan in (self, following) if plan.tilt is not None]
-        views = [plan.view for plan in (self, following) if plan.view is not None]
         return Plan(
             status=self.status,
             clearance=min(self.clearance, following.clearance),
@@ -228,8 +226,8 @@ class Plan:
             wall_time=self.wall_time + following.wall_time,
             message=f"{self.message}; then {following.message}",
             ignored=tuple(dict.fromkeys(self.ignored + following.ignored)),
-            tilt=max(tilts) if len(tilts) == 2 else None,
-            view=max(views) if len(views) == 2 else None,
+            tilt=_most(self.tilt, following.tilt),
+            view=_most(self.view, following.view),
             **joined,
         )
 
@@ -337,6 +335,11 @@ class Plan:
         if self.status is PlanStatus.GOAL_OUT_OF_REACH and math.isfinite(self.gap):
             return f"{head}, {self.gap:.3f} m away>"
         return f"{head}>"
+
+
+def _most(first: float | None, second: float | None) -> float | None:
+    """What two plans are off at most, if both tell."""
+    return None if first is None or second is None else max(first, second)
 
 
 def _types() -> dict[str, type]:

@@ -354,9 +354,12 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Whether it is and does on the straight motion from `a` to `b`, and the end effector points where it has to.
     pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
         let Self { pointings, robot, reach, .. } = self;
-        if !pointings.iter().all(|pointing| pointing.is_kept(robot, reach, [a, b])) {
-            return false;
-        }
+        pointings.iter().all(|pointing| pointing.is_kept(robot, reach, [a, b]))
+            && self.touches_nothing_between(a, b)
+    }
+
+    /// The same, wherever the end effector points.
+    pub fn touches_nothing_between(&mut self, a: &[f64], b: &[f64]) -> bool {
         let mut near = std::mem::take(&mut self.near);
         near.clear();
         let blocker = self.blocker_of([a, b], &mut near);
@@ -369,6 +372,12 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         blocker.is_none()
     }
 
+    /// Begins a search of motions from `start` to `goals` with what may be off at them.
+    pub fn search_between(&mut self, start: &[f64], goals: &[Vec<f64>]) {
+        let Self { robot, pointings, .. } = self;
+        pointings.iter_mut().for_each(|it| it.search(robot, start, goals));
+    }
+
     /// How far the end effector at `q` is off where it has to point, and may be \[rad\].
     pub fn each_off(&mut self, q: &[f64]) -> Vec<(f64, f64)> {
         let Self { robot, pointings, .. } = self;
@@ -378,22 +387,18 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         pointings.iter().map(|it| (it.of(robot), it.most())).collect()
     }
 
-    /// Which share the end effector at `q` is off where it has to point, of what it may at a goal; 0 where that does not matter.
+    /// The largest share of that; 0 where it does not matter where it points.
     pub fn off_at(&mut self, q: &[f64]) -> f64 {
-        if self.pointings.is_empty() {
-            return 0.0;
-        }
-        self.robot.update_positions(q);
-        self.pointings.iter().map(|it| it.share_at_goal(&self.robot)).fold(0.0, f64::max)
+        self.each_off(q).into_iter().map(|(off, most)| off / most).fold(0.0, f64::max)
     }
 
     /// What of that it is off most at `q`, in a sentence; it has to point somewhere.
     pub fn why_off(&mut self, q: &[f64]) -> String {
         let Self { robot, pointings, .. } = self;
         robot.update_positions(q);
-        let [a, b] = [pointings.first(), pointings.last()].map(|it| it.expect("it has to"));
-        let worst = if a.share_at_goal(robot) >= b.share_at_goal(robot) { a } else { b };
-        worst.why(robot)
+        let share = |it: &&Pointing| it.of(robot) / it.most();
+        let worst = pointings.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
+        worst.expect("it has to").why(robot)
     }
 
     /// Moves `q` to where the end effector is off no more than it may; whether it is not where it was.

@@ -1,5 +1,6 @@
 //! The configurations in which a pose is reached.
 
+use super::pointing::AT_GOAL;
 use super::*;
 
 /// Configurations from which inverse kinematics is tried, where one is free by then, and at most; and free ones that
@@ -109,7 +110,7 @@ where
     {
         for _ in 0..RIGHTINGS {
             let before = self.space.off_at(q);
-            if before <= 1.0 {
+            if before <= AT_GOAL {
                 break;
             }
             let mut next = q.clone();
@@ -125,10 +126,7 @@ where
 
     /// Whether the arm at `q` touches nothing, and the end effector points where it has to at a goal.
     fn is_free_and_upright(&mut self, q: &[f64]) -> bool {
-        let pointings = std::mem::take(&mut self.space.pointings);
-        let is_free = self.space.is_free(q);
-        self.space.pointings = pointings;
-        is_free && self.space.off_at(q) <= 1.0
+        self.space.touches_nothing_between(q, q) && self.space.off_at(q) <= AT_GOAL
     }
 
     /// Those goals where the end effector points where it has to.
@@ -137,20 +135,16 @@ where
     /// If there are none, in a sentence.
     pub(super) fn level(&mut self, goals: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>, String> {
         let off: Vec<f64> = goals.iter().map(|q| self.space.off_at(q)).collect();
-        if off.iter().all(|off| *off > 1.0) {
+        if off.iter().all(|off| *off > AT_GOAL) {
             let nearest = off.iter().zip(&goals).min_by(|a, b| a.0.total_cmp(b.0));
             return Err(nearest.map_or_else(String::new, |(_, q)| self.space.why_off(q)));
         }
-        Ok(goals.into_iter().zip(off).filter(|(_, off)| *off <= 1.0).map(|(q, _)| q).collect())
+        Ok(goals.into_iter().zip(off).filter(|(_, off)| *off <= AT_GOAL).map(|(q, _)| q).collect())
     }
 
     /// Begins a search with what may be off at its ends.
     pub(super) fn search_pointings(&mut self, goals: &[Vec<f64>]) {
-        let mut pointings = std::mem::take(&mut self.space.pointings);
-        for pointing in &mut pointings {
-            pointing.search(self.space.robot(), std::iter::once(&self.start).chain(goals));
-        }
-        self.space.pointings = pointings;
+        self.space.search_between(&self.start, goals);
     }
 
     /// Turns joints without limits by full turns until they are as near to the start as that brings them.

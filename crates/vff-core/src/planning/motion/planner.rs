@@ -217,16 +217,14 @@ where
                     break;
                 }
                 let found = &found[0];
-                let more = match (self.settings.tilt.is_some(), self.settings.view.is_some()) {
-                    (false, false) => " or",
-                    (true, false) => ", a greater tilt or",
-                    (false, true) => ", a greater angle of view or",
-                    (true, true) => ", a greater tilt, a greater angle of view or",
+                let more = |it: &Pointing| {
+                    if it.is_view() { ", a greater angle of view" } else { ", a greater tilt" }
                 };
                 let why = format!(
-                    "the search came to {:.3} rad from the goal after {all} samples; more samples, another seed{} a smaller margin \
+                    "the search came to {:.3} rad from the goal after {all} samples; more samples, another seed{} or a smaller margin \
                      may help",
-                    found.gap, more,
+                    found.gap,
+                    self.space.pointings.iter().map(more).collect::<String>(),
                 );
                 failed = Some(Plan {
                     q: found.path.concat(),

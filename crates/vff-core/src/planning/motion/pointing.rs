@@ -14,12 +14,13 @@ use crate::trajectory::JointSpline;
 use nalgebra::Matrix3;
 use std::collections::VecDeque;
 use std::f64::consts::PI;
+use std::iter;
 
 /// The share of what is allowed that a search leaves for corners to be rounded; what a motion keeps to; and what is certain of that.
 const SEARCHED: f64 = 0.85;
 const KEPT: f64 = 0.97;
 /// The same of a goal.
-const AT_GOAL: f64 = 0.95;
+pub const AT_GOAL: f64 = 0.95;
 const RESOLUTION: f64 = 0.03;
 /// Near an end where it is off by more it may be off by that and so much of what is allowed, in a search and where corners are rounded;
 /// less by so much per angle that its joints have turned from there.
@@ -88,7 +89,7 @@ pub fn leads_upright<R: Jointed<D>, const D: usize>(
     robot.update_positions(plan.last());
     for pointing in pointings {
         let off = pointing.of(robot);
-        if off > AT_GOAL * pointing.most {
+        if off > pointing.most_at_goal() {
             let (key, how) = match pointing.to {
                 Target::Along(_) => ("tilt", "leans by"),
                 Target::At(_) => ("view_angle", "has the point out of its axis by"),
@@ -128,18 +129,19 @@ impl Pointing {
     }
 
     /// For a search of motions from and to these, at one of which it may be off by more.
-    pub fn search<'a, R: Jointed<D>, const D: usize>(
+    pub fn search<R: Jointed<D>, const D: usize>(
         &mut self,
         robot: &mut R,
-        ends: impl IntoIterator<Item = &'a Vec<f64>>,
+        start: &[f64],
+        goals: &[Vec<f64>],
     ) {
         self.is_rounded = false;
         self.ends.clear();
-        for q in ends {
+        for q in iter::once(start).chain(goals.iter().map(Vec::as_slice)) {
             robot.update_positions(q);
             let off = self.of(robot);
             if off > (SEARCHED - LEFT[0]) * self.most {
-                self.ends.push((q.clone(), off));
+                self.ends.push((q.to_vec(), off));
             }
         }
     }
@@ -165,15 +167,15 @@ impl Pointing {
         self.most
     }
 
-    /// Which share of what it is allowed at a goal it is off by where `robot` is.
-    pub fn share_at_goal<R: Jointed<D>, const D: usize>(&self, robot: &R) -> f64 {
-        self.of(robot) / (AT_GOAL * self.most)
+    /// What it is allowed at a goal \[rad\].
+    fn most_at_goal(&self) -> f64 {
+        AT_GOAL * self.most
     }
 
     /// Why a goal where `robot` is is of no use.
     pub fn why<R: Jointed<D>, const D: usize>(&self, robot: &R) -> String {
         let say = if self.is_view() { out_of_view } else { too_tilted };
-        say(self.of(robot), AT_GOAL * self.most)
+        say(self.of(robot), self.most_at_goal())
     }
 
     fn sight<R: Jointed<D>, const D: usize>(&self, robot: &R) -> Sight {
@@ -216,6 +218,7 @@ impl Pointing {
         ends: [&[f64]; 2],
     ) -> bool {
         let [a, b] = ends;
+        let step: Vec<f64> = a.iter().zip(b).map(|(a, b)| b - a).collect();
         let whole = turn(ends);
         let slope = self.slope();
         let carried = if self.is_view() { levers.of_tip(ends) } else { [0.0; 2] };
@@ -223,15 +226,15 @@ impl Pointing {
         let mut parts = VecDeque::from([(0.5, 0.5)]);
         while let Some((at, half)) = parts.pop_front() {
             interrupt::checkpoint(32 * a.len());
-            for (m, (a, b)) in middle.iter_mut().zip(a.iter().zip(b)) {
-                *m = a + at * (b - a);
+            for (m, (a, step)) in middle.iter_mut().zip(a.iter().zip(&step)) {
+                *m = a + at * step;
             }
             robot.update_positions(&middle);
             let sight = self.sight(robot);
             let angle = sight.angle();
             let room = self.allowed(&middle) - self.beyond_at(&sight, half * carried[0]) - angle;
             let part = half * whole;
-            let change = self.change(robot, &sight, ends, half, carried) + slope * part;
+            let change = self.change(robot, &sight, &step, [half, part], carried) + slope * part;
             if room >= change || (room >= 0.0 && change <= RESOLUTION * self.most) {
                 continue;
             }
@@ -250,23 +253,19 @@ impl Pointing {
         turns + swept(carried, sight.distance - way)
     }
 
-    /// By how much more it may be off in a part of a motion that goes so much before and after where `robot` is, on which the tip is carried
-    /// so far in all and accelerated so much at most (T203) \[rad\].
+    /// By how much more it may be off in a part of a motion by `step` that goes so much before and after where `robot` is, on which nothing
+    /// turns by more than `part` \[rad\], and the tip is carried so far in all and accelerated so much at most (T203) \[rad\].
     fn change<R: Jointed<D>, const D: usize>(
         &self,
         robot: &R,
         sight: &Sight,
-        [a, b]: [&[f64]; 2],
-        half: f64,
+        step: &[f64],
+        [half, part]: [f64; 2],
         [carried, bend]: [f64; 2],
     ) -> f64 {
         let Sight { is, should, distance } = *sight;
-        let (mut turn, mut whole) = (Vector::<3>::zeros(), 0.0);
-        for i in 0..a.len() {
-            turn += robot.turning_column(i) * (b[i] - a[i]);
-            whole += (b[i] - a[i]).abs();
-        }
-        let part = half * whole;
+        let steps = || step.iter().enumerate();
+        let turn: Vector<3> = steps().map(|(i, step)| robot.turning_column(i) * *step).sum();
         let turned = turn.cross(&is);
         let bent = 0.5 * part * part;
         let turns = (half * turned.norm() + bent).min(part);
@@ -278,7 +277,8 @@ impl Pointing {
         if nearest.is_nan() || nearest <= 0.0 {
             return PI;
         }
-        let velocity: Vector<3> = (0..a.len()).map(|i| carried_by(robot, i) * (b[i] - a[i])).sum();
+        let columns = steps().map(|(i, step)| robot.jacobian_column::<D>(i) * *step);
+        let velocity = in_space(&columns.sum::<Vector<D>>());
         let seen = (should * should.dot(&velocity) - velocity) / distance;
         let sharpest = bend / nearest + MOST_CURVED * (carried / nearest).powi(2);
         let curved = 0.5 * half * half * sharpest;
@@ -319,7 +319,8 @@ impl Pointing {
                 .map(|i| {
                     let mut column = robot.turning_column(i);
                     if self.is_view() && distance > 0.0 {
-                        column += should.cross(&carried_by(robot, i)) / distance;
+                        column +=
+                            should.cross(&in_space(&robot.jacobian_column::<D>(i))) / distance;
                     }
                     column - is * column.dot(&is)
                 })
@@ -344,15 +345,6 @@ fn swept(way: f64, distance: f64) -> f64 {
     } else {
         PI
     }
-}
-
-/// How joint `i` carries the tip \[m/rad, m/m\].
-fn carried_by<R: Jointed<D>, const D: usize>(robot: &R, i: usize) -> Vector<3> {
-    let axis = robot.joint_axis(i);
-    if robot.slides(i) {
-        return axis;
-    }
-    axis.cross(&(in_space(&robot.tip()) - in_space(&robot.joint_position(i))))
 }
 
 /// The most that anything turns between two configurations, of which joints that slide count as if they turned \[rad\].

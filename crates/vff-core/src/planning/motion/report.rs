@@ -63,8 +63,8 @@ where
         if !self.space.pointings.is_empty() || !self.space.keeps_apart() {
             for t in (0..spline.times().len() - 1).flat_map(|k| instants(&spline, k)) {
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
-                for ((most, until), now) in off.iter_mut().zip(self.space.each_off(&state[0])) {
-                    let (now, allowed) = now;
+                let each = self.space.each_off(&state[0]);
+                for ((most, until), (now, allowed)) in off.iter_mut().zip(each) {
                     *most = most.max(now);
                     if now > allowed {
                         *until = Some(t);
@@ -77,17 +77,18 @@ where
                 }
             }
         }
-        for (pointing, (most, _)) in self.space.pointings.iter().zip(&off) {
-            let told = if pointing.is_view() { &mut plan.view } else { &mut plan.tilt };
-            *told = Some(*most);
-        }
         plan.message = format!("a motion of {:.3} s", spline.span()[1]);
         if plan.clearance.is_finite() {
             let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
         }
-        for (pointing, (most, until)) in self.space.pointings.iter().zip(&off) {
-            let [most, allowed] = [*most, pointing.most()].map(f64::to_degrees);
-            let what = if pointing.is_view() { "has the point off its axis" } else { "tilts" };
+        for (pointing, (most, until)) in self.space.pointings.iter().zip(off) {
+            let (told, what) = if pointing.is_view() {
+                (&mut plan.view, "has the point off its axis")
+            } else {
+                (&mut plan.tilt, "tilts")
+            };
+            *told = Some(most);
+            let [most, allowed] = [most, pointing.most()].map(f64::to_degrees);
             let _ = write!(plan.message, "; the end effector {what} by up to {most:.1}°");
             let _ = match until {
                 None => write!(plan.message, " of {allowed:.1}°"),

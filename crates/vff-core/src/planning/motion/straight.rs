@@ -96,10 +96,7 @@ where
     pub(super) fn crossed(&mut self, place: Place, way: &Way) -> (String, f64) {
         let nearest = way.iter().map(|q| (q, self.space.clearance(q)));
         let (q, clearance) = nearest.min_by(|a, b| a.1.total_cmp(&b.1)).expect("it has an end");
-        let pointings = std::mem::take(&mut self.space.pointings);
-        let touches_nothing = self.is_free_along(way);
-        self.space.pointings = pointings;
-        if touches_nothing {
+        if way.windows(2).all(|pair| self.space.touches_nothing_between(&pair[0], &pair[1])) {
             let why = format!(
                 "{} the end effector leans, or looks away from its point, by more than it may; another direction, or a greater tilt or \
                  angle of view, helps",
