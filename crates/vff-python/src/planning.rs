@@ -49,8 +49,8 @@ use vff_core::trajectory::JointSpline;
 /// Returns
 /// -------
 /// dict
-///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
-///     ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
+///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``tip``, ``clearance``, ``margin``,
+///     ``margins``, ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
 ///
 /// Raises
 /// ------
@@ -101,13 +101,15 @@ pub fn plan<'py>(
         paths,
         seed,
     };
-    let (plan, n) = prepared(py, &document, |scenario| {
-        Ok((motion::plan(&scenario, &settings)?, scenario.q0.len()))
+    let (plan, n, dimension) = prepared(py, &document, |scenario| {
+        Ok((motion::plan(&scenario, &settings)?, scenario.q0.len(), scenario.scene.dimension()))
     })?;
     let found = PyDict::new(py);
     found.set_item("status", plan.status.name())?;
     found.set_item("message", plan.message)?;
     found.set_item("t", PyArray1::from_vec(py, plan.times))?;
+    let rows = plan.q.len() / n;
+    found.set_item("tip", array2(py, plan.tip, [rows, dimension])?)?;
     let arrays = [
         ("q", plan.q),
         ("dq", plan.dq),

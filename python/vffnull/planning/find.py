@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 import vffnull._core as _core
 from vffnull._support.arguments import number, positive, whole
 from vffnull._support.errors import InputError, InputTypeError, ScenarioError
+from vffnull.model.arm import is_spatial
 from vffnull.model.document import Document
 from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.planning.motion import Plan, PlanStatus
@@ -154,8 +155,8 @@ def plan(
     >>> bool(down.duration > plan("panda-shelf", horizon=0).duration)
     True
     """
-    ready = prepare(scenario)
-    document, arm = ready._document, ready.arm  # neither changes here, and to copy them takes milliseconds
+    document = prepare(scenario)._document  # it does not change here, and to copy it takes milliseconds
+    dimension = 3 if is_spatial(document["arm"]) else 2
     at = None if start is None else _vector("start", start, len(document["q0"]))
     now = _finite("time", time)
     angle = positive("view_angle", view_angle)
@@ -164,9 +165,9 @@ def plan(
         "horizon": None if horizon is None else _finite("horizon", horizon),
         "tilt": None if tilt is None else positive("tilt", tilt),
         "upright": None if tilt is None else document["q0"] if at is None else at,
-        "view": None if view is None else (_vector("view", view, arm.dimension), angle),
-        "approach": _straight("approach", approach, arm.dimension),
-        "retreat": _straight("retreat", retreat, arm.dimension),
+        "view": None if view is None else (_vector("view", view, dimension), angle),
+        "approach": _straight("approach", approach, dimension),
+        "retreat": _straight("retreat", retreat, dimension),
         "acceleration": _each("acceleration", acceleration, len(document["q0"])),
         "jerk": _each("jerk", jerk, len(document["q0"])),
         "speed": _finite("speed", speed),
@@ -177,13 +178,13 @@ def plan(
     rest = positive("pause", pause)
     several = _several(goal)
     if several is None:
-        return _to_one(arm, _aimed("goal", document, goal, arm.dimension), at, now, settings)
+        return _to_one(dimension, _aimed("goal", document, goal, dimension), at, now, settings)
     if not several:
         raise InputError("goal: expected one or more, got an empty list")
-    aims = [_aimed(f"goal[{i}]", document, each, arm.dimension) for i, each in enumerate(several)]
+    aims = [_aimed(f"goal[{i}]", document, each, dimension) for i, each in enumerate(several)]
     tour: Plan | None = None
     for i, aim in enumerate(aims):
-        leg = _to_one(arm, aim, at, now, settings)
+        leg = _to_one(dimension, aim, at, now, settings)
         if leg.status is not PlanStatus.FOUND:
             return replace(leg, message=f"goal {i + 1} of {len(aims)}: {leg.message}")
         tour = leg if tour is None else tour.then(leg, rest)  # at once: a pause may be too long for it
@@ -202,7 +203,7 @@ def _several(goal: Any) -> list[Any] | None:
 
 
 def _to_one(
-    arm: _core.Arm,
+    dimension: int,
     aim: _Aim,
     start: list[float] | None,
     time: float,
@@ -214,12 +215,11 @@ def _to_one(
     try:
         found = _core.plan(document, goal=configuration, start=start, time=time, **settings)
     except ScenarioError as error:
-        raise error if name is None else _of_goal(name, arm.dimension, error) from None
+        raise error if name is None else _of_goal(name, dimension, error) from None
     wall_time = clock.perf_counter() - begun
-    tip = np.array(arm.forward_kinematics(found["q"])[:, -1])
     status = PlanStatus(found.pop("status"))
     ignored = tuple((str(a), str(b)) for a, b in _ignored(document["arm"]))
-    return Plan(status=status, tip=tip, wall_time=wall_time, ignored=ignored, **found)
+    return Plan(status=status, wall_time=wall_time, ignored=ignored, **found)
 
 
 def _ignored(arm: Mapping[str, Any]) -> list[Sequence[str]]:

@@ -131,7 +131,7 @@ impl Heights {
         let normal = rotation.tr_mul(&plane.normal);
         let offset = plane.normal.dot(position) - plane.offset;
         let mut of_corner = [0.0; MAX_CORNERS];
-        for (height, corner) in of_corner.iter_mut().zip(&hull.corners) {
+        for (height, corner) in of_corner.iter_mut().zip(hull.corners.iter()) {
             *height = normal.dot(&corner.point) + offset;
         }
         Self { of_corner, count: hull.corners.len().min(MAX_CORNERS) }
@@ -162,7 +162,7 @@ impl PlacedHull<'_, 3> {
         let first = self.hull.edges.iter().reduce(farther);
         let mut plane = Plane::NOWHERE;
         let mut heights = Heights::above(&plane, self);
-        for edge in first.into_iter().chain(&self.hull.edges) {
+        for edge in first.into_iter().chain(self.hull.edges.iter()) {
             if heights.of(edge) >= best.nearest.distance {
                 continue;
             }
@@ -277,7 +277,7 @@ impl PlacedHull<'_, 3> {
                 visit(&contact, contact.nearest.distance);
             }
         });
-        for own in &self.hull.edges {
+        for own in self.hull.edges.iter() {
             if heights.of(own) >= reach {
                 continue;
             }
@@ -302,7 +302,7 @@ impl PlacedHull<'_, 3> {
     fn way_out(&self, other: &impl Convex) -> HullContact {
         let mut best = HullContact::NOWHERE;
         best.nearest.distance = f64::NEG_INFINITY;
-        for face in &self.hull.faces {
+        for face in self.hull.faces.iter() {
             let outward = self.rotation * face.normal;
             let offset = face.offset + outward.dot(&self.position);
             let mut lowest = (f64::INFINITY, Vector::zeros());
@@ -324,7 +324,7 @@ impl PlacedHull<'_, 3> {
                 best = HullContact { nearest, axis: Vector::zeros() };
             }
         });
-        for own in &self.hull.edges {
+        for own in self.hull.edges.iter() {
             let (line, into) = (self.edge(&own.line), own.into.map(|way| self.rotation * way));
             let own_ways = Onward::Along(&into);
             other.for_each_edge(|edge, onward| {

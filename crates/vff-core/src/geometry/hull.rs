@@ -11,8 +11,9 @@ use farthest::Farthest;
 use super::axis::{Nearest, PARALLEL, Probe, within};
 use super::segment::{Feet, between, feet};
 use crate::math::{Capsule, Feature, TOUCHING, Vector};
+use std::sync::Arc;
 
-/// The convex hull of points: a polyhedron, at rest in its own frame.
+/// The convex hull of points: a polyhedron, at rest in its own frame. A clone shares all of it.
 ///
 /// # Example
 /// ```
@@ -27,11 +28,11 @@ use crate::math::{Capsule, Feature, TOUCHING, Vector};
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull<const D: usize = 3> {
-    pub(crate) corners: Vec<Corner<D>>,
+    pub(crate) corners: Arc<[Corner<D>]>,
     farthest: Farthest,
-    pub(crate) edges: Vec<Edge<D>>,
+    pub(crate) edges: Arc<[Edge<D>]>,
     /// At most as many as there are bits in [`Facing`].
-    pub(crate) faces: Vec<Face<D>>,
+    pub(crate) faces: Arc<[Face<D>]>,
     /// What rounding may make of a height \[m\].
     pub(crate) slack: f64,
 }
@@ -281,7 +282,7 @@ impl Hull {
     /// Whether the segment between two points is inside somewhere.
     pub(crate) fn is_entered_by(&self, [a, b]: [Vector<3>; 2]) -> bool {
         let (mut enters, mut leaves) = (0f64, 1f64);
-        for face in &self.faces {
+        for face in self.faces.iter() {
             match (face.height(&a), face.height(&b)) {
                 (at_a, at_b) if at_a > 0.0 && at_b > 0.0 => return false,
                 (at_a, at_b) if at_a > 0.0 => enters = enters.max(at_a / (at_a - at_b)),
@@ -295,7 +296,7 @@ impl Hull {
     /// Where a ray that starts at `origin` gets in, if it does: behind all the faces that it is above, and before it leaves.
     pub(crate) fn meet_ray(&self, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
         let (mut enters, mut leaves) = (0f64, f64::INFINITY);
-        for face in &self.faces {
+        for face in self.faces.iter() {
             let (height, fall) = (face.height(origin), -face.normal.dot(direction));
             if height > 0.0 {
                 if fall <= 0.0 {

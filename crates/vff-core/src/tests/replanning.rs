@@ -127,7 +127,7 @@ fn a_plan_comes_from_beside() {
     assert!(taken(&beside) > 0);
 }
 
-/// A hand that is to go straight through what is in its way.
+/// A hand that is to go straight through what is in its way, with a posture stiff enough to take the side that a plan takes.
 fn straight(more: &str, control: &str) -> Scenario {
     Scenario::from_toml(&format!(
         r#"
@@ -142,7 +142,7 @@ fn straight(more: &str, control: &str) -> Scenario {
         damping = 20.0
         null_damping = 10.0
         posture = [0.5, 0.5, 0.5, 0.5]
-        posture_stiffness = 20.0
+        posture_stiffness = 60.0
         avoidance = "cbf"
         "#
     ))

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SymmetricEigen};
 use parry3d_f64::math::Vector as Vec3;
 use parry3d_f64::transformation::try_convex_hull;
 use std::collections::{BTreeSet, HashMap};
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// The most corners of a hull: every corner and every edge is a row of `cbf`.
 pub const MAX_CORNERS: usize = 64;
@@ -124,8 +124,9 @@ impl Hull {
     /// As [`new`](Self::new).
     pub(crate) fn new_turned(points: &[[f64; 3]], by: &UnitQuaternion) -> Result<Self, HullError> {
         Self::made(points, |Made { hull, turned, .. }| match &*turned {
+            _ if *by == UnitQuaternion::IDENTITY => hull.clone(),
             Some((known, turned)) if known == by => turned.clone(),
-            _ => turned.insert((*by, hull.clone().turned(by))).1.clone(),
+            _ => turned.insert((*by, hull.turned(by))).1.clone(),
         })
     }
 
@@ -379,8 +380,13 @@ impl<'a> Faces<'a> {
             edges.push(Edge { line, ends: [a, b], faces: [one, other], into });
         }
         let scale = given.iter().fold(size, |most, p| most.max(p.amax()));
-        let farthest = Farthest::of(&corners);
-        let hull = Hull { corners, farthest, edges, faces, slack: 1e-9 * scale };
+        let hull = Hull {
+            farthest: Farthest::of(&corners),
+            corners: corners.into(),
+            edges: edges.into(),
+            faces: faces.into(),
+            slack: 1e-9 * scale,
+        };
         if hull.is_closed() && given.iter().all(|p| hull.holds(p)) {
             Ok(hull)
         } else {
@@ -391,21 +397,33 @@ impl<'a> Faces<'a> {
 
 impl Hull {
     /// The same hull turned about the origin.
-    #[must_use]
-    fn turned(mut self, by: &UnitQuaternion) -> Self {
-        let turn = |v: &mut Vector<3>| *v = by.rotate(v);
-        for Corner { point, along } in &mut self.corners {
-            turn(point);
-            along.iter_mut().for_each(turn);
+    fn turned(&self, by: &UnitQuaternion) -> Self {
+        let turn = |v: &Vector<3>| by.rotate(v);
+        let corners: Arc<[Corner<3>]> = (self.corners.iter())
+            .map(|Corner { point, along }| Corner {
+                point: turn(point),
+                along: along.iter().map(turn).collect(),
+            })
+            .collect();
+        let turned = |edge: &Edge<3>| {
+            let line = Capsule {
+                start: turn(&edge.line.start),
+                direction: turn(&edge.line.direction),
+                ..edge.line
+            };
+            Edge { line, into: edge.into.each_ref().map(turn), ..edge.clone() }
+        };
+        Self {
+            farthest: Farthest::of(&corners),
+            corners,
+            edges: self.edges.iter().map(turned).collect(),
+            faces: self
+                .faces
+                .iter()
+                .map(|f| Face { normal: turn(&f.normal), ..f.clone() })
+                .collect(),
+            slack: self.slack,
         }
-        self.farthest = Farthest::of(&self.corners);
-        for Edge { line, into, .. } in &mut self.edges {
-            turn(&mut line.start);
-            turn(&mut line.direction);
-            into.iter_mut().for_each(turn);
-        }
-        self.faces.iter_mut().for_each(|face| turn(&mut face.normal));
-        self
     }
 
     /// Whether corners, edges and faces are those of a polyhedron (Euler).

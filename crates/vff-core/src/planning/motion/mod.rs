@@ -270,13 +270,20 @@ where
             kept: *kept,
             noise: Noise::new(settings.seed, STREAM),
         };
-        match goal {
+        let mut plan = match goal {
             Goal::Configuration(q) => planner.plan(Aim::At(q)),
             Goal::Pose(pose) => planner.plan(Aim::Found {
                 find: &mut |planner, limits| planner.configurations::<M>(pose, limits),
                 is_turned: M > D,
             }),
+        }?;
+        let robot = planner.space.robot();
+        plan.tip.reserve(plan.q.len() / start.len() * D);
+        for q in plan.q.chunks(start.len()) {
+            robot.update_positions(q);
+            plan.tip.extend_from_slice(robot.tip().as_slice());
         }
+        Ok(plan)
     }
 
     /// Whether the straight motion to `end` touches nothing that rests at present.

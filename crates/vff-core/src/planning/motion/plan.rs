@@ -127,6 +127,8 @@ pub struct Plan {
     pub dq: Vec<f64>,
     /// Accelerations \[rad/s²\].
     pub ddq: Vec<f64>,
+    /// Where the tip of the end effector is at each configuration of `q` \[m\], one after the other.
+    pub tip: Vec<f64>,
     /// The smallest distance from obstacles on the way \[m\]; ∞ if there are none. Where start or goal are blocked, the
     /// distance of what is; at the start if nothing was found otherwise.
     pub clearance: f64,

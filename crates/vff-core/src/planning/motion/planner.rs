@@ -83,6 +83,7 @@ where
             q: start.clone(),
             dq: vec![],
             ddq: vec![],
+            tip: vec![],
             clearance: first.clearance,
             margin,
             margins: vec![],

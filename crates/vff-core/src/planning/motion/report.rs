@@ -32,6 +32,7 @@ where
             q: vec![],
             dq: vec![],
             ddq: vec![],
+            tip: vec![],
             clearance: f64::INFINITY,
             margin: [spline.first(), spline.last()]
                 .into_iter()
@@ -58,17 +59,18 @@ where
         }
         plan.clearance = self.clearance_of(&spline, &margins);
         let mut through: Option<(f64, [String; 2], f64)> = None;
-        // How far off each is at most where it has to point, and until when by more than it may be.
-        let mut off = vec![(0.0_f64, None); self.space.pointings.len()];
+        // How far off each is at most where it has to point, whether by more than it may be, and from when on by no more.
+        let mut off = vec![(0.0_f64, false, None); self.space.pointings.len()];
         if !self.space.pointings.is_empty() || !self.space.keeps_apart() {
             for t in (0..spline.times().len() - 1).flat_map(|k| instants(&spline, k)) {
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
                 let each = self.space.each_off(&state[0]);
-                for ((most, until), (now, allowed)) in off.iter_mut().zip(each) {
+                for ((most, is_off, from), (now, allowed)) in off.iter_mut().zip(each) {
                     *most = most.max(now);
-                    if now > allowed {
-                        *until = Some(t);
+                    if *is_off && now <= allowed {
+                        *from = Some(t);
                     }
+                    *is_off = now > allowed;
                 }
                 if let Some((depth, links)) = self.space.passed_through(&state[0])
                     && through.as_ref().is_none_or(|(most, ..)| depth > *most)
@@ -81,7 +83,7 @@ where
         if plan.clearance.is_finite() {
             let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
         }
-        for (pointing, (most, until)) in self.space.pointings.iter().zip(off) {
+        for (pointing, (most, _, from)) in self.space.pointings.iter().zip(off) {
             let (told, what) = if pointing.is_view() {
                 (&mut plan.view, "has the point off its axis")
             } else {
@@ -90,9 +92,10 @@ where
             *told = Some(most);
             let [most, allowed] = [most, pointing.most()].map(f64::to_degrees);
             let _ = write!(plan.message, "; the end effector {what} by up to {most:.1}°");
-            let _ = match until {
+            let _ = match from {
                 None => write!(plan.message, " of {allowed:.1}°"),
                 Some(t) => {
+                    let t = (100.0 * t).ceil() / 100.0; // not from before
                     write!(plan.message, ", and no more than {allowed:.1}° from {t:.2} s on")
                 }
             };

@@ -226,7 +226,7 @@ where
     }
 
     /// The square of how much longer a motion has to take to keep the limits of speed, acceleration and torque, torques and the tip's
-    /// speeds at samples, the others anywhere; and that to keep the limits of how fast torques change.
+    /// speeds at samples, the others anywhere; and that to keep the limits of how fast torques change, between samples as well.
     ///
     /// # Errors
     /// If a joint cannot hold the arm on it.
@@ -252,6 +252,7 @@ where
         let adds_gravity = self.command.gravity == Gravity::Controller;
         let [_, end] = spline.span();
         let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
+        let mut rates = vec![[[0.0; 2]; CHECKS as usize]; n];
         let mut tip = [[0.0; 3]; 2];
         for k in 0..=checks {
             interrupt::checkpoint(64 * n);
@@ -282,13 +283,15 @@ where
                     most = most.max(between(last).powi(2));
                 }
             }
-            if !bounds.rate.is_empty() {
-                for (i, limit) in bounds.rate.iter().enumerate() {
-                    let now = [torque[i] - gravity[i], if adds_gravity { gravity[i] } else { 0.0 }];
-                    let step = f64::from(checks) / end;
-                    let change = [0, 1].map(|part| (now[part] - before[i][part]).abs() * step);
-                    before[i] = now;
-                    if k > 0 {
+            for (i, limit) in bounds.rate.iter().enumerate() {
+                let now = [torque[i] - gravity[i], if adds_gravity { gravity[i] } else { 0.0 }];
+                let step = f64::from(checks) / end;
+                rates[i].rotate_left(1);
+                rates[i][CHECKS as usize - 1] =
+                    [0, 1].map(|part| (now[part] - before[i][part]) * step);
+                before[i] = now;
+                if k > 0 && k % CHECKS == 0 {
+                    for change in throughout(&rates[i]) {
                         longer = longer.max(slower(change, *limit, longer));
                     }
                 }
@@ -303,6 +306,19 @@ fn between([a, b, c]: &[f64; 3]) -> f64 {
     let (slope, bend) = (0.5 * (c - a), 2.0 * b - a - c);
     let top = if b >= a && b >= c && bend > 0.0 { b + 0.5 * slope * slope / bend } else { *b };
     top.max(*c)
+}
+
+/// How fast two quantities change at most, of which each is smooth between two knots and has these rates on average in the parts between: there,
+/// and at the knots, where rates jump.
+fn throughout(rates: &[[f64; 2]; CHECKS as usize]) -> [[f64; 2]; CHECKS as usize + 2] {
+    let beyond =
+        |end: [f64; 2], next: [f64; 2]| [0, 1].map(|part| 1.5 * end[part] - 0.5 * next[part]);
+    let last = rates.len() - 1;
+    let mut all = [[0.0; 2]; CHECKS as usize + 2];
+    all[0] = beyond(rates[0], rates[1]);
+    all[1..=last + 1].copy_from_slice(rates);
+    all[last + 2] = beyond(rates[last], rates[last - 1]);
+    all.map(|rate| rate.map(f64::abs))
 }
 
 #[cfg(test)]

@@ -19,6 +19,8 @@ const FINER: f64 = 3.0;
 const MAX_NODES: usize = 1 << 20;
 /// Where the end effector is kept upright, an edge has to come nearer to where it leads by so much of what it would come straight.
 const LEAST: f64 = 0.1;
+/// Shortcuts are given up after so many in a row that led nowhere.
+const IN_VAIN: usize = 30;
 /// Two configurations nearer than this are one \[rad, m\].
 const SAME: f64 = 1e-9;
 
@@ -226,17 +228,19 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
     Found { path: trees[0].branch(nearest.0), gap: nearest.1, samples: tried, nodes }
 }
 
-/// Shortens `path` by `tries` random straight ways from one point of it to another.
+/// Shortens `path` by up to `tries` random straight ways from one point of it to another.
 pub fn shorten<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
     space: &mut FreeSpace<R, S, D>,
     path: &mut Vec<Vec<f64>>,
     tries: usize,
     noise: &mut Noise,
 ) {
+    let mut in_vain = 0;
     for _ in 0..tries {
-        if path.len() < 3 {
+        if path.len() < 3 || in_vain == IN_VAIN {
             return;
         }
+        in_vain += 1;
         let ends: Vec<f64> = std::iter::once(0.0)
             .chain(path.windows(2).scan(0.0, |sum, pair| {
                 *sum += distance(&pair[0], &pair[1]);
@@ -259,6 +263,7 @@ pub fn shorten<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         }
         if space.is_free_between(&a, &b) {
             path.splice(first + 1..=last, [a, b]);
+            in_vain = 0;
             continue;
         }
         // Where the end effector is kept upright, hardly any way is straight.
@@ -269,6 +274,7 @@ pub fn shorten<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
             && space.is_free_between(&middle, &b)
         {
             path.splice(first + 1..=last, [a, middle, b]);
+            in_vain = 0;
         }
     }
 }
