@@ -92,6 +92,23 @@ def _margins(scene: vff.Scenario) -> Changes:
     return _of_each(scene, {"margin": 0.05, "margins": {last_link(scene): 0.005}})
 
 
+def _futures(scene: vff.Scenario) -> Changes:
+    """What is there may also come to where the arm is at first, in a second, or go away."""
+    given = scene.to_dict().get("obstacles", [])
+    if not given:
+        return {}
+    first, size = given[0], scene.arm.dimension
+    begin = np.asarray(first.get("position", [0.0] * size), dtype=float)
+    end = scene.arm.forward_kinematics(scene["q0"])[-1][:size]
+    kept = {key: each for key, each in first.items() if key not in ("motion", "contact")}
+    made = []
+    for likelihood, towards in ((0.4, 1.0), (0.05, -1.0)):
+        there = (begin + towards * (end - begin)).tolist()
+        motion = {"kind": "waypoints", "times": [0.0, 1.0], "points": [begin.tolist(), there]}
+        made.append(kept | {"motion": motion, "likelihood": likelihood})
+    return {"obstacles": [*given, *made]}
+
+
 def _ahead_of(scene: vff.Scenario) -> list[float]:
     """What the end effector looks at where it begins, half of the arm's length away."""
     place, turned = scene.arm.pose(scene["q0"])
@@ -323,6 +340,7 @@ OPTIONS: dict[str, Option] = {
     "felt": Option(_solid, exact=False),
     "ignored": Option(_ignored, ("needs obstacles that are known",)),
     "margins": Option(_margins, ("needs obstacles that are known",)),
+    "futures": Option(_futures, ("look-ahead alone sees", "needs obstacles that are known")),
     "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
     "clouds": Option(_cloud),
     "load": Option(

@@ -195,7 +195,9 @@ def test_what_a_plan_says_is_kept(margin: float) -> None:
     kept = said[..., None] * own
     found = apart(plan, scene)
     assert (found >= kept).all() and said.max() <= 1.0
-    assert plan.margins.min() > 0.15, "from what has none of its own, and is nowhere"
+    # From what has none of its own, and is nowhere: 30 cm, less how far the arm goes in half of a piece.
+    goes = abs(np.diff(plan.q, axis=0)) @ [4.1, 3.1, 2.1, 1.1]
+    assert plan.margins.min() > 0.28 - 0.5 * goes.max() > 0.0
     assert kept[-1, 3, 0] > 0.0 and kept[..., 1].max() > 0.07, "and it says something"
 
 

@@ -55,12 +55,12 @@ def cores_of(document: Mapping[str, Any], base: Array, reach: float) -> tuple[tu
 
 
 def is_seen(obstacle: Mapping[str, Any]) -> bool:
-    """Whether the controller knows of an obstacle of a scenario's document."""
-    return bool(obstacle.get("contact", {}).get("seen", True))
+    """Whether an obstacle of a scenario's document is there and the controller knows of it."""
+    return "likelihood" not in obstacle and bool(obstacle.get("contact", {}).get("seen", True))
 
 
 def unseen_of(document: Mapping[str, Any]) -> frozenset[int]:
-    """The obstacles of a scenario's document that the controller does not know of."""
+    """Obstacles of a document that the controller does not know of, or that are possible futures."""
     return frozenset(i for i, each in enumerate(document.get("obstacles", [])) if not is_seen(each))
 
 

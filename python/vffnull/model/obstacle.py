@@ -57,6 +57,8 @@ class Obstacle:
         What every link keeps from it [m], as `with_margin` says; None is the usual margin.
     margins : tuple of (str, float)
         What links keep from it by their names [m], in place of `margin`.
+    likelihood : float or None
+        How likely it is that something will be there, as `with_likelihood` says; None is there.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class Obstacle:
     ignore: tuple[str, ...] = ()
     margin: float | None = None
     margins: tuple[tuple[str, float], ...] = ()
+    likelihood: float | None = None
 
     def __post_init__(self) -> None:
         _core.check("obstacle", self.to_dict())
@@ -418,6 +421,38 @@ class Obstacle:
         """
         return replace(self, margin=margin, margins=tuple((links or {}).items()))
 
+    def with_likelihood(self, likelihood: float | None) -> Obstacle:
+        """A possible future in place of an obstacle: look-ahead alone sees it, where its motion has it then.
+
+        One of several ways in which somebody may go on, each an obstacle whose motion begins where that body
+        is now. The body itself is an obstacle without a likelihood, from which the law keeps away as ever.
+
+        Parameters
+        ----------
+        likelihood : float or None
+            How likely it is, in (0, 1]. Futures are left out from the least likely on, as many as come true
+            with a probability of ``controller.yielding.preview.chance`` at most. None is there.
+
+        Returns
+        -------
+        Obstacle
+            It, as a possible future.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If the likelihood is not in (0, 1].
+
+        Examples
+        --------
+        >>> from vffnull import Motion
+        >>> reaching = Motion.waypoints([0, 1], [[1.2, 0, 0.5], [0.5, 0, 0.5]])
+        >>> hand = Obstacle.sphere([1.2, 0, 0.5], 0.1, motion=reaching).with_likelihood(0.3)
+        >>> hand.to_dict()["likelihood"]
+        0.3
+        """
+        return replace(self, likelihood=likelihood)
+
     @property
     def shape(self) -> Mapping[str, Any]:
         """The shape as a part of a scenario document."""
@@ -440,6 +475,8 @@ class Obstacle:
             document["margin"] = self.margin
         if self.margins:
             document["margins"] = dict(self.margins)
+        if self.likelihood is not None:
+            document["likelihood"] = self.likelihood
         if self.contact is not None:
             document["contact"] = dict(self.contact)
         return document
@@ -463,6 +500,8 @@ class Obstacle:
             parts.append(f"margin={self.margin!r}")
         if self.margins:
             parts.append(f"margins={dict(self.margins)!r}")
+        if self.likelihood is not None:
+            parts.append(f"likelihood={self.likelihood!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
 
 

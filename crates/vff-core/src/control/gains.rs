@@ -110,6 +110,11 @@ fn posture_of(settings: &Settings) -> impl Iterator<Item = (f64, f64)> + '_ {
 }
 
 impl Settings {
+    /// Whether the law looks ahead: only a program with barriers does.
+    pub fn looks_ahead(&self) -> bool {
+        self.avoidance == super::Avoidance::Cbf && self.yielding.preview.is_some()
+    }
+
     /// The fastest rate at which the law reacts \[1/s\], the largest of D, D_q and √K.
     pub fn fastest_rate(&self) -> f64 {
         let Self { stiffness, damping, null_damping, .. } = self;

@@ -496,7 +496,9 @@ where
 
     fn add(&mut self, document: &Table) -> Result<(), ScenarioError> {
         let (obstacle, contact) = scenario::read_felt_obstacle::<S, D>(document)?;
-        scenario::known_links(&obstacle, &self.closed_loop().arm().link_names())?;
+        let closed_loop = self.closed_loop();
+        scenario::known_links(&obstacle, &closed_loop.arm().link_names())?;
+        scenario::is_seen_ahead(&obstacle, closed_loop.controller().is_limited()[1])?;
         self.closed_loop_mut().add_obstacle(&obstacle, contact);
         Ok(())
     }

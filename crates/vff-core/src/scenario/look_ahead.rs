@@ -1,11 +1,13 @@
 //! Checks of the look-ahead: its tables, and whether what it has to do is bounded.
 
 use super::error::{Problem, ScenarioError};
-use super::numbers::table;
+use super::numbers::{number, table};
 use super::validate::Validated;
 use crate::control::avoidance::barrier;
 use crate::control::avoidance::preview::fastest_rate;
 use crate::control::{Part, PreviewSettings, SelfMotionSettings, Settings, TaskKind};
+use crate::settings::SHARE;
+use crate::world::Description;
 
 /// `[controller.yielding.preview]`.
 pub fn table_of(settings: &PreviewSettings) -> Validated {
@@ -18,6 +20,27 @@ pub fn table_of(settings: &PreviewSettings) -> Validated {
     let given = settings.self_motion.as_ref();
     given
         .map_or(Ok(()), |given| table(given, |_| None).map_err(|error| error.inside("self_motion")))
+}
+
+/// The likelihood of an obstacle that is a possible future.
+pub fn likelihood<const D: usize>(obstacle: &impl Description<D>) -> Validated {
+    obstacle.likelihood().map_or(Ok(()), |given| number("likelihood", given, &SHARE))
+}
+
+/// Whether it is seen what an obstacle is, if it is a possible future, by a law that looks ahead or not.
+///
+/// # Errors
+/// If nobody does: nobody would see it.
+pub fn is_seen_ahead<const D: usize>(
+    obstacle: &impl Description<D>,
+    looks_ahead: bool,
+) -> Validated {
+    if obstacle.likelihood().is_none() || looks_ahead {
+        return Ok(());
+    }
+    let problem =
+        "look-ahead alone sees a possible future: needs `controller.yielding.preview` and \"cbf\"";
+    Err(ScenarioError::new("likelihood", Problem::Other(problem.into())))
 }
 
 /// In which order a task gives way, of an arm in `dimension` dimensions where that is known.

@@ -28,6 +28,7 @@ pub(crate) use dispatch::dispatch;
 pub use error::{Problem, ScenarioError};
 pub use json_schema::json_schema;
 pub(crate) use links_of_obstacles::known_links;
+pub(crate) use look_ahead::is_seen_ahead;
 pub(crate) use numbers::length as numbers_of;
 pub(crate) use numbers::{each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
@@ -524,6 +525,8 @@ impl Scenario {
             S::validate_obstacle(obstacle)
                 .and_then(|()| known_links(obstacle, &links))
                 .and_then(|()| self.knows_what_links_keep(obstacle))
+                .and_then(|()| is_seen_ahead(obstacle, self.controller.looks_ahead()))
+                .and_then(|()| self.can_come_true(obstacle, j))
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
             barriers += S::Geometry::new(obstacle).barriers();
         }
@@ -541,6 +544,25 @@ impl Scenario {
     /// Whether the controller knows the obstacles, and does not see points of them.
     fn knows_obstacles(&self) -> bool {
         self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal)
+    }
+
+    /// Whether obstacle `j` can be known as a possible future, if it is one.
+    fn can_come_true<const D: usize>(
+        &self,
+        obstacle: &impl Description<D>,
+        j: usize,
+    ) -> Result<(), ScenarioError> {
+        let is_felt = self.contacts.get(j).is_some_and(Option::is_some);
+        let problem = match obstacle.likelihood() {
+            Some(_) if is_felt => {
+                "nothing is there that resists: a possible future has no `contact`"
+            }
+            Some(_) if !self.knows_obstacles() => {
+                "needs obstacles that are known, without `perception`: cameras do not see what may come"
+            }
+            _ => return Ok(()),
+        };
+        Err(ScenarioError::new("likelihood", Problem::Other(problem.into())))
     }
 
     /// Whether the controller knows which obstacle is which, if this one says something of links.

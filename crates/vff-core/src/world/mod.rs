@@ -153,7 +153,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             Placed::new(obstacle)
         };
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(place).collect();
-        let has_broad_phase = obstacles.len() >= broad_phase::LEAST;
+        let is_there = |obstacle: &Placed<S, D>| !obstacle.is_hidden;
+        let has_broad_phase =
+            obstacles.len() >= broad_phase::LEAST && obstacles.iter().all(is_there);
         Self::of(obstacles, has_broad_phase)
     }
 
@@ -362,9 +364,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         }
     }
 
-    /// Whether some obstacle is hidden.
+    /// Whether some obstacle is there and hidden.
     pub fn hides_any(&self) -> bool {
-        self.obstacles.iter().any(|obstacle| obstacle.is_hidden)
+        self.obstacles.iter().any(|obstacle| obstacle.is_hidden && obstacle.likelihood.is_none())
     }
 
     /// Counts obstacle `j` as one of at least so many contacts and barriers: what is allocated by

@@ -38,6 +38,8 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
     fn margin(&self) -> Option<f64>;
     /// What links keep from it \[m\], by name, and [`LOAD`](super::LOAD), where that is another.
     fn margins(&self) -> &BTreeMap<String, f64>;
+    /// How likely it is that something will be there, if it is a possible future; none if it is there.
+    fn likelihood(&self) -> Option<f64>;
     /// The key that says something of links, if one does: which may touch it, or what they keep from it.
     fn key_of_links(&self) -> Option<&'static str> {
         if !self.ignored().is_empty() {

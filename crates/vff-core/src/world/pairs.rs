@@ -1,6 +1,6 @@
 //! The nearest points of one body and one obstacle, and of all of them in pairs.
 
-use super::{Carrier, Contact, ObstacleGeometry, World};
+use super::{Carrier, Contact, ObstacleGeometry, Placed, World};
 use crate::geometry::Body;
 
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
@@ -46,7 +46,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         }
     }
 
-    /// The same with every obstacle that is hidden.
+    /// The same with every obstacle that is hidden and is there.
     pub fn for_each_hidden<'a>(
         &self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
@@ -63,7 +63,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// The obstacles that a body is measured against, those that are hidden or the others.
     fn measured(&self, carrier: Carrier, hidden: bool) -> impl Iterator<Item = usize> {
         let all = self.obstacles.iter().enumerate();
-        let asked = all.filter(move |(_, it)| it.is_hidden == hidden && !it.is_ignored_by(carrier));
+        let is_meant =
+            move |it: &Placed<S, D>| it.is_hidden == hidden && !(hidden && it.likelihood.is_some());
+        let asked = all.filter(move |(_, it)| is_meant(it) && !it.is_ignored_by(carrier));
         asked.map(|(j, _)| j)
     }
 }

@@ -51,6 +51,8 @@ pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) room: usize,
     /// Whether nobody finds it.
     pub(super) is_hidden: bool,
+    /// How likely it is, where it is a possible future that look-ahead alone finds.
+    pub(super) likelihood: Option<f64>,
     /// Which links are not measured against it, and last what the arm carries; empty if none is.
     pub(super) ignored: Vec<bool>,
     /// What these keep from it; empty if all keep what is usual.
@@ -77,7 +79,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             foreseen: None,
             turned,
             room: 0,
-            is_hidden: false,
+            is_hidden: description.likelihood().is_some(),
+            likelihood: description.likelihood(),
             ignored: vec![],
             margins: vec![],
             description,
@@ -154,7 +157,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
 
     /// Takes in whether its motion is foreseen, and how fast that is at most.
     fn foresee(&mut self) {
-        self.foreseen = self.description.motion().is_foreseen().then(|| self.any_speed());
+        let is_foreseen = self.description.motion().is_foreseen() || self.likelihood.is_some();
+        self.foreseen = is_foreseen.then(|| self.any_speed());
     }
 
     /// A speed that no point of it exceeds \[m/s\], where the state after a while is that of its motion, not one that goes on as it is, or

@@ -52,7 +52,8 @@ pub trait CollisionQuery<const D: usize> {
         visit: impl FnMut(&Contact<D>),
     );
 
-    /// Calls `visit` with the index of every obstacle nearer than `reach` \[m\] to a body, once or more for each body.
+    /// Calls `visit` with the index of every obstacle nearer than `reach` \[m\] to a body, once or more for each body, and of every possible
+    /// future, wherever that begins.
     fn for_each_obstacle_near<'a>(
         &mut self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
@@ -60,6 +61,23 @@ pub trait CollisionQuery<const D: usize> {
         mut visit: impl FnMut(usize),
     ) {
         self.for_each_contact(bodies, reach, |_, _| {}, |contact| visit(contact.obstacle));
+    }
+
+    /// How likely it is at most that this possible future or one that is no likelier comes true; ∞ of an obstacle that is there (T204).
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::world::CollisionQuery;
+    /// use vff_core::world::plane::{Obstacle, Shape, World};
+    ///
+    /// let of = |likelihood| Obstacle { likelihood, ..Obstacle::of(Shape::Circle { radius: 0.1 }) };
+    /// let world = World::new([Some(0.5), None, Some(0.25), Some(0.25)].map(of).to_vec());
+    /// let likely = [0, 1, 2, 3].map(|j| world.likelihood_up_to(j));
+    /// assert_eq!(likely, [1.0, f64::INFINITY, 0.25, 0.5]);
+    /// ```
+    fn likelihood_up_to(&self, obstacle: usize) -> f64 {
+        let _ = obstacle;
+        f64::INFINITY
     }
 
     /// The most barriers that one body can have.
@@ -385,6 +403,20 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
                 }
             },
         );
+        if matches!(self.named, Named::Each(_)) {
+            let all = self.obstacles.iter().enumerate();
+            all.filter(|(_, it)| it.likelihood.is_some()).for_each(|(j, _)| visit(j));
+        }
+    }
+
+    fn likelihood_up_to(&self, obstacle: usize) -> f64 {
+        let Some(own) = self.obstacles[obstacle].likelihood else { return f64::INFINITY };
+        interrupt::checkpoint(self.obstacles.len());
+        let all = self.obstacles.iter().enumerate().filter_map(|(j, it)| Some((j, it.likelihood?)));
+        // Of two that are as likely the first counts as less so.
+        let counts =
+            |(j, other): &(usize, f64)| other.total_cmp(&own).then(j.cmp(&obstacle)).is_le();
+        all.filter(counts).map(|(_, other)| other).sum()
     }
 
     fn barrier_count(&self) -> usize {

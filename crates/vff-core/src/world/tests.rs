@@ -2,6 +2,7 @@ use super::plane::{Obstacle, Shape, World};
 use super::{CollisionQuery, Contact, LOAD, Motion, PairMargin};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
+use proptest::prelude::*;
 use std::cell::RefCell;
 
 fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
@@ -154,6 +155,44 @@ fn what_is_foreseen_is_found_where_it_will_be() {
         let mut placed = foreseen;
         placed.place(0, now, Vector::<2>::new(0.0, 2.0), Vector::<2>::new(0.0, -1.0));
         assert!(placed.speed_bound(0).is_none());
+    }
+}
+
+properties! {
+    /// Whatever futures there are: those that are left out come true with the given probability at most, and one more would exceed it; nobody
+    /// finds them but who looks for what may be near, and what is there is found as if they were not said.
+    #[test]
+    fn futures_are_for_look_ahead_alone(
+        given in proptest::collection::vec(proptest::option::of(1u8..=4), 1..8), chance in 0.0..1.0,
+    ) {
+        let of = |k: usize| {
+            let likelihood = given[k].map(|k| f64::from(k) / 8.0);
+            Obstacle { likelihood, ..disc([0.3 * k as f64, 0.4], Motion::default()) }
+        };
+        let mut world = World::new((0..given.len()).map(of).collect());
+        let there: Vec<usize> = (0..given.len()).filter(|k| given[*k].is_none()).collect();
+        let mut plain = World::new(there.iter().map(|k| of(*k)).collect());
+        let kept = |k: usize| world.likelihood_up_to(k) > chance;
+        let likelihood = |k: usize| given[k].map_or(0.0, |k| f64::from(k) / 8.0);
+        let left_out = (0..given.len()).filter(|k| !kept(*k)).map(likelihood).sum::<f64>();
+        prop_assert!(left_out <= chance && there.iter().all(|k| kept(*k)));
+        let next = (0..given.len()).filter(|k| kept(*k)).filter_map(|k| given[k]).min();
+        prop_assert!(next.is_none_or(|next| left_out + f64::from(next) / 8.0 > chance));
+        let link = Body::new(
+            0,
+            Capsule { start: Vector::zeros(), direction: Vector::<2>::x(), length: 2.0, radius: 0.1 },
+        );
+        let found = |world: &mut World| {
+            let (mut all, mut least) = (vec![], f64::INFINITY);
+            let contacts = |contact: &Contact<2>| all.push((contact.distance, contact.point));
+            world.for_each_contact([link], 9.0, |_, distance| least = distance, contacts);
+            (all, least)
+        };
+        prop_assert_eq!(found(&mut world), found(&mut plain));
+        let mut near = vec![];
+        world.for_each_obstacle_near([link], 9.0, |j| near.push(j));
+        near.sort_unstable();
+        prop_assert!(near.iter().copied().eq(0..given.len()), "{near:?}");
     }
 }
 

@@ -94,8 +94,9 @@ def assumptions(result: Outcome) -> list[str]:
 
 def _known(result: Outcome, document: Mapping[str, Any]) -> str:
     """What the controller is told of the obstacles."""
-    unseen = [f"obstacle {k + 1}" for k in sorted(unseen_of(document))]
-    if unseen and len(unseen) == len(document["obstacles"]):
+    given = document.get("obstacles", [])
+    unseen = [f"obstacle {k + 1}" for k in sorted(unseen_of(document)) if "likelihood" not in given[k]]
+    if unseen and len(unseen) == sum("likelihood" not in each for each in given):
         return f"Nobody has told the controller of {listed(unseen)}: felt alone."
     others = "all other obstacles" if unseen else "the obstacles"
     every = "all other obstacles" if unseen else "every obstacle"
@@ -124,6 +125,11 @@ def _met(document: Mapping[str, Any], contact: str) -> Iterator[str]:
     for k, each in enumerate(obstacles, start=1):
         if links := each.get("ignore"):
             yield f"{listed(links)} may pass through obstacle {k}: neither avoided nor measured."
+        if "likelihood" in each:
+            yield (
+                f"Obstacle {k} is a possible future with a likelihood of {each['likelihood']:.3g}: "
+                "seen by look-ahead alone, and not there."
+            )
         if kept := _kept(each):
             yield f"From obstacle {k} another margin is kept: {kept}."
 

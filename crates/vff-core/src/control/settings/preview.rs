@@ -24,6 +24,9 @@ settings! {
         clearance: f64 = 0.1, "m", POSITIVE;
         /// Standard deviation of the joint velocities of candidates.
         speed: f64 = 1.0, "rad/s", POSITIVE;
+        /// Possible futures, obstacles with a `likelihood`, are left out from the least likely on while what is left out has at most this
+        /// probability.
+        chance: f64 = 0.0, "", PART;
         /// Where the task leaves one degree of freedom, the best way along it is searched first: a table, see
         /// \[controller.yielding.preview.self_motion\].
         self_motion: Option<SelfMotionSettings> = None, "";

@@ -8,7 +8,7 @@ pub use plant::PlantSpec;
 
 use super::error::{Problem, ScenarioError};
 use super::scene::{CheckReach, FromDocument, Scene};
-use super::{links_of_obstacles, validate};
+use super::{links_of_obstacles, look_ahead, validate};
 use crate::interrupt;
 use crate::robot::planar::Annulus;
 use crate::robot::{Model, PlanarArm, PlanarState, Robot};
@@ -52,6 +52,7 @@ impl FromDocument<2> for Plane {
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         obstacle.shape.check()?;
         links_of_obstacles::margins(obstacle)?;
+        look_ahead::likelihood(obstacle)?;
         let Obstacle { angle, angular_velocity, motion, position, .. } = obstacle;
         validate::motion_from(motion, *position)?;
         let Motion::Waypoints { angles, .. } = motion else { return Ok(()) };

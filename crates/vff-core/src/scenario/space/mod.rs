@@ -10,7 +10,7 @@ pub use plant::{PayloadSpec, SpatialPlantSpec};
 
 use super::error::{Problem, ScenarioError};
 use super::scene::{CheckReach, FromDocument, Scene};
-use super::{links_of_obstacles, validate};
+use super::{links_of_obstacles, look_ahead, validate};
 use crate::inverse_kinematics::{Residual, Solver, Unreachable};
 use crate::perception::PerceptionError;
 use crate::robot::{Robot, SpatialArm, SpatialState};
@@ -54,6 +54,7 @@ impl FromDocument<3> for Space {
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         obstacle.shape.check()?;
         links_of_obstacles::margins(obstacle)?;
+        look_ahead::likelihood(obstacle)?;
         let Obstacle { orientation, angular_velocity, motion, position, .. } = obstacle;
         validate::orientation("orientation", orientation)?;
         validate::motion_from(motion, *position)?;

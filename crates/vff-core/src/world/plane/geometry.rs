@@ -64,6 +64,10 @@ impl Description<2> for Obstacle {
     fn margins(&self) -> &BTreeMap<String, f64> {
         &self.margins
     }
+
+    fn likelihood(&self) -> Option<f64> {
+        self.likelihood
+    }
 }
 
 /// An obstacle without its radius, and that radius: relative to its position, turned by its angle.

@@ -33,6 +33,9 @@ pub struct Obstacle {
     /// The same of links by name, and of [`LOAD`](crate::world::LOAD), in place of `margin`. Default: none.
     #[serde(default)]
     pub margins: BTreeMap<String, f64>,
+    /// How likely it is that something will be there, if it is a possible future that look-ahead alone sees. Default: it is there.
+    #[serde(default)]
+    pub likelihood: Option<f64>,
 }
 
 impl Obstacle {
@@ -55,6 +58,7 @@ impl Obstacle {
             ignore: vec![],
             margin: None,
             margins: BTreeMap::new(),
+            likelihood: None,
         }
     }
 }
@@ -77,6 +81,7 @@ mod tests {
                 ignore: vec![],
                 margin: None,
                 margins: [].into(),
+                likelihood: None,
             }
         );
     }

@@ -34,6 +34,9 @@ pub struct Obstacle {
     /// The same of links by name, and of [`LOAD`](crate::world::LOAD), in place of `margin`. Default: none.
     #[serde(default)]
     pub margins: BTreeMap<String, f64>,
+    /// How likely it is that something will be there, if it is a possible future that look-ahead alone sees. Default: it is there.
+    #[serde(default)]
+    pub likelihood: Option<f64>,
 }
 
 impl Obstacle {
@@ -56,6 +59,7 @@ impl Obstacle {
             ignore: vec![],
             margin: None,
             margins: BTreeMap::new(),
+            likelihood: None,
         }
     }
 }
@@ -78,6 +82,7 @@ mod tests {
                 ignore: vec![],
                 margin: None,
                 margins: [].into(),
+                likelihood: None,
             }
         );
     }
@@ -133,6 +138,7 @@ mod tests {
                 ignore: vec![],
                 margin: None,
                 margins: [].into(),
+                likelihood: None,
             }
         );
     }

@@ -81,6 +81,10 @@ pub trait Prediction<const D: usize> {
     /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
     fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>);
 
+    /// Of these, leaves out possible futures that are unlikely: none of those that are left out comes true with a probability of more than
+    /// `chance` (T204).
+    fn leave_out_unlikely(&self, chance: f64, found: &mut Vec<usize>);
+
     /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity, or as it
     /// is foreseen: the nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
     fn predict(
@@ -138,6 +142,10 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
                 found.push(obstacle);
             }
         });
+    }
+
+    fn leave_out_unlikely(&self, chance: f64, found: &mut Vec<usize>) {
+        found.retain(|j| self.likelihood_up_to(*j) > chance);
     }
 
     fn predict(

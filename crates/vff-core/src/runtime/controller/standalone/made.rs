@@ -176,6 +176,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let links = self.arm.link_names();
         for (j, obstacle) in obstacles.iter().enumerate() {
             scenario::known_links(obstacle, &links)
+                .and_then(|()| scenario::is_seen_ahead(obstacle, self.settings.looks_ahead()))
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
         }
         let mut world = World::<S::Geometry, D>::new(obstacles);

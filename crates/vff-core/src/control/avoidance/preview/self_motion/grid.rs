@@ -72,6 +72,8 @@ pub struct Grid<R: Manipulator<D, M>, const D: usize, const M: usize> {
     first_heading: Vec<f64>,
     q: Vec<f64>,
     obstacles: Vec<usize>,
+    /// What futures that are left out may come true with.
+    chance: f64,
     pairs: Vec<Pair>,
     bodies: Vec<Body<'static, D>>,
     unused: Vec<Near<D>>,
@@ -111,6 +113,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
             first_heading: vec![0.0; n],
             q: vec![0.0; n],
             obstacles: vec![],
+            chance: yielding.preview.as_ref().map_or(0.0, |preview| preview.chance),
             pairs: vec![],
             bodies: robot.bodies().map(|body| body.enclosing()).collect(),
             unused: vec![],
@@ -162,11 +165,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         surroundings: &mut dyn Prediction<D>,
         pose: &dyn Fn(f64) -> R::Pose,
     ) -> bool {
-        let Self { poses, instants, step, metric, bodies, obstacles, .. } = self;
+        let Self { poses, instants, step, metric, bodies, obstacles, chance, .. } = self;
         obstacles.clear();
         obstacles.reserve(surroundings.count());
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
         surroundings.obstacles_near(bodies, REACH, obstacles);
+        surroundings.leave_out_unlikely(*chance, obstacles);
         self.pairs.clear();
         self.pairs.reserve(self.obstacles.len() * self.bodies.len());
         poses.clear();
