@@ -102,7 +102,7 @@ def test_a_loop_of_ones_own_is_told_of_futures() -> None:
     )
     future, position = ball(GOES).with_likelihood(0.7), panda.forward_kinematics(READY)[-1]
     given = {"q": READY, "dq": [0.0] * 7, "x_ref": position, "obstacles": [ball(COMES), future]}
-    assert np.isfinite(ahead.torque(**given)).all() and (ahead.clearance > 0.1).all()
+    assert np.isfinite(ahead.torque(**given)).all() and (ahead.terms(**given).clearance > 0.1).all()
     with pytest.raises(ScenarioError, match=r"obstacles\[1\]\.likelihood: look-ahead alone sees"):
         blind.torque(**given)
     with vff.drive(SimulatedRobot(scene()), scene(), seconds=0.5) as drive:

@@ -2026,8 +2026,8 @@ def plan(
     Returns
     -------
     dict
-        ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
-        ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
+        ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``tip``, ``clearance``, ``margin``,
+        ``margins``, ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
 
     Raises
     ------
