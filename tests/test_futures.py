@@ -80,6 +80,17 @@ def test_the_least_likely_are_left_out_up_to_a_chance(comes: float, goes: float 
     assert (worst(found) < 0.03) == seen
 
 
+def test_parts_of_a_future_come_together() -> None:
+    """Two of 0.2 each are left out with a chance of 0.3 if they are one future, not if they are two."""
+    chance = {"controller.yielding.preview.chance": 0.3}
+    alone = vff.simulate(scene(**chance))
+    for future, seen in (("both", False), (None, True)):
+        parts = [ball(points).with_likelihood(0.2, future) for points in (GOES, COMES)]
+        found = vff.simulate(scene(*parts, **chance))
+        assert (found.q == alone.q).all() != seen
+        assert (worst(found) < 0.03) == seen
+
+
 def test_nobody_else_sees_it(tmp_path: Path) -> None:
     """Neither distances nor the field nor plans, though it is where the arm is. A report says so."""
     inside = vff.Obstacle.sphere([0.3, 0.0, 0.6], 0.2).with_likelihood(0.5)
@@ -114,6 +125,10 @@ def test_a_loop_of_ones_own_is_told_of_futures() -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
+        (
+            {"obstacles.1.likelihood": None, "obstacles.1.future": "any"},
+            r"obstacles\[1\]\.future: how likely",
+        ),
         (
             {"obstacles.1.likelihood": 0.0},
             r"obstacles\[1\]\.likelihood: must be greater than 0 and at most 1",

@@ -59,6 +59,8 @@ class Obstacle:
         What links keep from it by their names [m], in place of `margin`.
     likelihood : float or None
         How likely it is that something will be there, as `with_likelihood` says; None is there.
+    future : str or None
+        What that future is called, if it has several parts.
 
     Raises
     ------
@@ -78,6 +80,7 @@ class Obstacle:
     margin: float | None = None
     margins: tuple[tuple[str, float], ...] = ()
     likelihood: float | None = None
+    future: str | None = None
 
     def __post_init__(self) -> None:
         _core.check("obstacle", self.to_dict())
@@ -421,7 +424,7 @@ class Obstacle:
         """
         return replace(self, margin=margin, margins=tuple((links or {}).items()))
 
-    def with_likelihood(self, likelihood: float | None) -> Obstacle:
+    def with_likelihood(self, likelihood: float | None, future: str | None = None) -> Obstacle:
         """A possible future in place of an obstacle: look-ahead alone sees it, where its motion has it then.
 
         One of several ways in which somebody may go on, each an obstacle whose motion begins where that body
@@ -432,6 +435,9 @@ class Obstacle:
         likelihood : float or None
             How likely it is, in (0, 1]. Futures are left out from the least likely on, as many as come true
             with a probability of ``controller.yielding.preview.chance`` at most. None is there.
+        future : str, optional
+            What it is called where it has several parts, such as the capsules of a person, which come together
+            and count once, as the likeliest of them.
 
         Returns
         -------
@@ -441,7 +447,7 @@ class Obstacle:
         Raises
         ------
         vffnull.errors.ScenarioError
-            If the likelihood is not in (0, 1].
+            If the likelihood is not in (0, 1], or there is none of a future with a name.
 
         Examples
         --------
@@ -451,7 +457,7 @@ class Obstacle:
         >>> hand.to_dict()["likelihood"]
         0.3
         """
-        return replace(self, likelihood=likelihood)
+        return replace(self, likelihood=likelihood, future=future)
 
     @property
     def shape(self) -> Mapping[str, Any]:
@@ -477,6 +483,8 @@ class Obstacle:
             document["margins"] = dict(self.margins)
         if self.likelihood is not None:
             document["likelihood"] = self.likelihood
+        if self.future is not None:
+            document["future"] = self.future
         if self.contact is not None:
             document["contact"] = dict(self.contact)
         return document
@@ -502,6 +510,8 @@ class Obstacle:
             parts.append(f"margins={dict(self.margins)!r}")
         if self.likelihood is not None:
             parts.append(f"likelihood={self.likelihood!r}")
+        if self.future is not None:
+            parts.append(f"future={self.future!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
 
 

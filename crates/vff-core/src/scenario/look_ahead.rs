@@ -22,9 +22,16 @@ pub fn table_of(settings: &PreviewSettings) -> Validated {
         .map_or(Ok(()), |given| table(given, |_| None).map_err(|error| error.inside("self_motion")))
 }
 
-/// The likelihood of an obstacle that is a possible future.
+/// The likelihood of an obstacle that is a possible future, or a part of one.
 pub fn likelihood<const D: usize>(obstacle: &impl Description<D>) -> Validated {
-    obstacle.likelihood().map_or(Ok(()), |given| number("likelihood", given, &SHARE))
+    match obstacle.likelihood() {
+        Some(given) => number("likelihood", given, &SHARE),
+        None if obstacle.future().is_some() => {
+            let problem = "how likely is it? It needs a `likelihood`";
+            Err(ScenarioError::new("future", Problem::Other(problem.into())))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Whether it is seen what an obstacle is, if it is a possible future, by a law that looks ahead or not.

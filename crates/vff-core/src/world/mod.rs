@@ -43,6 +43,7 @@ use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use broad_phase::BroadPhase;
 use placed::{Carrier, Placed, Turned};
+use std::collections::{BTreeMap, HashMap};
 use std::mem::{replace, take};
 
 pub(crate) use crate::math::TOUCHING;
@@ -142,6 +143,35 @@ fn most_margin<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[Placed<S, D>
     own.map(|margin| margin.or(0.0)).fold(0.0, f64::max)
 }
 
+/// Takes in of every possible future how likely it is that it or one that is no likelier comes true (T204). Parts of a future count once, as
+/// the likeliest; of two that are as likely the first counts as less so.
+fn weigh_futures<S: ObstacleGeometry<D>, const D: usize>(obstacles: &mut [Placed<S, D>]) {
+    interrupt::checkpoint(16 * obstacles.len());
+    // Of each the first part, by which it is known, and how likely the likeliest is.
+    let (mut named, mut likelihoods) = (HashMap::new(), BTreeMap::new());
+    let mut first_of = vec![None; obstacles.len()];
+    for (j, Placed { description, .. }) in obstacles.iter().enumerate() {
+        let Some(likelihood) = description.likelihood() else { continue };
+        let first = description.future().map_or(j, |name| *named.entry(name).or_insert(j));
+        let most = likelihoods.entry(first).or_insert(likelihood);
+        *most = likelihood.max(*most);
+        first_of[j] = Some(first);
+    }
+    let mut futures: Vec<(usize, f64)> = likelihoods.into_iter().collect();
+    futures.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut sum = 0.0;
+    let sums: HashMap<usize, f64> = futures
+        .into_iter()
+        .map(|(first, likelihood)| {
+            sum += likelihood;
+            (first, sum)
+        })
+        .collect();
+    for (obstacle, first) in obstacles.iter_mut().zip(first_of) {
+        obstacle.likelihood_up_to = first.map(|first| sums[&first]);
+    }
+}
+
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// The given obstacles at t = 0.
     ///
@@ -160,7 +190,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     }
 
     /// Of obstacles at t = 0.
-    fn of(obstacles: Vec<Placed<S, D>>, has_broad_phase: bool) -> Self {
+    fn of(mut obstacles: Vec<Placed<S, D>>, has_broad_phase: bool) -> Self {
+        weigh_futures(&mut obstacles);
         // Room for all, as any may be placed elsewhere later.
         let mut moving = Vec::with_capacity(obstacles.len());
         moving.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_static));
@@ -366,7 +397,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
 
     /// Whether some obstacle is there and hidden.
     pub fn hides_any(&self) -> bool {
-        self.obstacles.iter().any(|obstacle| obstacle.is_hidden && obstacle.likelihood.is_none())
+        self.obstacles
+            .iter()
+            .any(|obstacle| obstacle.is_hidden && obstacle.likelihood_up_to.is_none())
     }
 
     /// Counts obstacle `j` as one of at least so many contacts and barriers: what is allocated by
@@ -385,6 +418,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// Adds an obstacle, the last one from now on. Allocates.
     pub fn add(&mut self, obstacle: S::Obstacle) {
         self.obstacles.push(Placed::new(obstacle));
+        weigh_futures(&mut self.obstacles);
         self.moving.reserve(self.obstacles.len());
         self.rearrange();
     }
@@ -392,6 +426,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// Takes obstacle `j` away; those behind it move up.
     pub fn remove(&mut self, j: usize) {
         self.obstacles.remove(j);
+        weigh_futures(&mut self.obstacles);
         self.rearrange();
     }
 

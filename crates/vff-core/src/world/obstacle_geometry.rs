@@ -40,6 +40,8 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
     fn margins(&self) -> &BTreeMap<String, f64>;
     /// How likely it is that something will be there, if it is a possible future; none if it is there.
     fn likelihood(&self) -> Option<f64>;
+    /// What that future is called, if it may have several parts.
+    fn future(&self) -> Option<&str>;
     /// The key that says something of links, if one does: which may touch it, or what they keep from it.
     fn key_of_links(&self) -> Option<&'static str> {
         if !self.ignored().is_empty() {

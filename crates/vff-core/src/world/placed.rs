@@ -51,8 +51,8 @@ pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) room: usize,
     /// Whether nobody finds it.
     pub(super) is_hidden: bool,
-    /// How likely it is, where it is a possible future that look-ahead alone finds.
-    pub(super) likelihood: Option<f64>,
+    /// Of a possible future, which look-ahead alone finds, how likely it is that this one or one that is no likelier comes true.
+    pub(super) likelihood_up_to: Option<f64>,
     /// Which links are not measured against it, and last what the arm carries; empty if none is.
     pub(super) ignored: Vec<bool>,
     /// What these keep from it; empty if all keep what is usual.
@@ -80,7 +80,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
             turned,
             room: 0,
             is_hidden: description.likelihood().is_some(),
-            likelihood: description.likelihood(),
+            likelihood_up_to: description.likelihood(),
             ignored: vec![],
             margins: vec![],
             description,
@@ -157,7 +157,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
 
     /// Takes in whether its motion is foreseen, and how fast that is at most.
     fn foresee(&mut self) {
-        let is_foreseen = self.description.motion().is_foreseen() || self.likelihood.is_some();
+        let is_foreseen =
+            self.description.motion().is_foreseen() || self.likelihood_up_to.is_some();
         self.foreseen = is_foreseen.then(|| self.any_speed());
     }
 

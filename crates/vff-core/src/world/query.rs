@@ -71,9 +71,12 @@ pub trait CollisionQuery<const D: usize> {
     /// use vff_core::world::plane::{Obstacle, Shape, World};
     ///
     /// let of = |likelihood| Obstacle { likelihood, ..Obstacle::of(Shape::Circle { radius: 0.1 }) };
-    /// let world = World::new([Some(0.5), None, Some(0.25), Some(0.25)].map(of).to_vec());
-    /// let likely = [0, 1, 2, 3].map(|j| world.likelihood_up_to(j));
-    /// assert_eq!(likely, [1.0, f64::INFINITY, 0.25, 0.5]);
+    /// let mut obstacles = [Some(0.5), None, Some(0.25), Some(0.125), Some(0.125)].map(of);
+    /// // Two parts of one future count once.
+    /// obstacles[3..].iter_mut().for_each(|it| it.future = Some("both hands".into()));
+    /// let world = World::new(obstacles.to_vec());
+    /// let likely = [0, 1, 2, 3, 4].map(|j| world.likelihood_up_to(j));
+    /// assert_eq!(likely, [0.875, f64::INFINITY, 0.375, 0.125, 0.125]);
     /// ```
     fn likelihood_up_to(&self, obstacle: usize) -> f64 {
         let _ = obstacle;
@@ -405,18 +408,12 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         );
         if matches!(self.named, Named::Each(_)) {
             let all = self.obstacles.iter().enumerate();
-            all.filter(|(_, it)| it.likelihood.is_some()).for_each(|(j, _)| visit(j));
+            all.filter(|(_, it)| it.likelihood_up_to.is_some()).for_each(|(j, _)| visit(j));
         }
     }
 
     fn likelihood_up_to(&self, obstacle: usize) -> f64 {
-        let Some(own) = self.obstacles[obstacle].likelihood else { return f64::INFINITY };
-        interrupt::checkpoint(self.obstacles.len());
-        let all = self.obstacles.iter().enumerate().filter_map(|(j, it)| Some((j, it.likelihood?)));
-        // Of two that are as likely the first counts as less so.
-        let counts =
-            |(j, other): &(usize, f64)| other.total_cmp(&own).then(j.cmp(&obstacle)).is_le();
-        all.filter(counts).map(|(_, other)| other).sum()
+        self.obstacles[obstacle].likelihood_up_to.unwrap_or(f64::INFINITY)
     }
 
     fn barrier_count(&self) -> usize {

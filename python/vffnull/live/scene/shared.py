@@ -258,7 +258,7 @@ class Scene(ABC):
             self._changed()
             return
         colour = TABLE if self._endless(index) else OBSTACLE if is_seen(obstacle) else UNSEEN
-        handle = self._solid(name, core, colour, "obstacle")
+        handle = self._solid(name, core, colour, "obstacle", 0.3 if "likelihood" in obstacle else None)
         self._obstacles.append(handle)
         self._halos.append(self._add_halo(f"{name}-halo", index))
         self._changed()

@@ -81,6 +81,10 @@ impl Description<3> for Obstacle {
     fn likelihood(&self) -> Option<f64> {
         self.likelihood
     }
+
+    fn future(&self) -> Option<&str> {
+        self.future.as_deref()
+    }
 }
 
 /// An obstacle without its radius, and that radius: relative to its position, turned by its orientation.

@@ -37,6 +37,9 @@ pub struct Obstacle {
     /// How likely it is that something will be there, if it is a possible future that look-ahead alone sees. Default: it is there.
     #[serde(default)]
     pub likelihood: Option<f64>,
+    /// What people call that future, of which other obstacles may be parts, too. Default: it is one of its own.
+    #[serde(default)]
+    pub future: Option<String>,
 }
 
 impl Obstacle {
@@ -60,6 +63,7 @@ impl Obstacle {
             margin: None,
             margins: BTreeMap::new(),
             likelihood: None,
+            future: None,
         }
     }
 }
@@ -83,6 +87,7 @@ mod tests {
                 margin: None,
                 margins: [].into(),
                 likelihood: None,
+                future: None,
             }
         );
     }
@@ -139,6 +144,7 @@ mod tests {
                 margin: None,
                 margins: [].into(),
                 likelihood: None,
+                future: None,
             }
         );
     }
