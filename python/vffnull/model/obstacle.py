@@ -436,8 +436,8 @@ class Obstacle:
             How likely it is, in (0, 1]. Futures are left out from the least likely on, as many as come true
             with a probability of ``controller.yielding.preview.chance`` at most. None is there.
         future : str, optional
-            What it is called where it has several parts, such as the capsules of a person, which come together
-            and count once, as the likeliest of them.
+            What it is called where it has several parts, such as the capsules of a person, which come
+            together and count once, as the likeliest of them.
 
         Returns
         -------

@@ -43,7 +43,7 @@ use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use broad_phase::BroadPhase;
 use placed::{Carrier, Placed, Turned};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::mem::{replace, take};
 
 pub(crate) use crate::math::TOUCHING;
@@ -143,33 +143,39 @@ fn most_margin<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[Placed<S, D>
     own.map(|margin| margin.or(0.0)).fold(0.0, f64::max)
 }
 
-/// Takes in of every possible future how likely it is that it or one that is no likelier comes true (T204). Parts of a future count once, as
-/// the likeliest; of two that are as likely the first counts as less so.
-fn weigh_futures<S: ObstacleGeometry<D>, const D: usize>(obstacles: &mut [Placed<S, D>]) {
-    interrupt::checkpoint(16 * obstacles.len());
+/// Of every obstacle that is a possible future, `(likelihood, name)`, how likely it is that it or one that is no likelier comes true (T204).
+/// Parts of a future count once, as the likeliest; of two that are as likely the first counts as less so.
+#[inline(never)]
+fn likelihoods_up_to(said: &[(Option<f64>, Option<&str>)]) -> Vec<Option<f64>> {
+    interrupt::checkpoint(16 * said.len());
     // Of each the first part, by which it is known, and how likely the likeliest is.
-    let (mut named, mut likelihoods) = (HashMap::new(), BTreeMap::new());
-    let mut first_of = vec![None; obstacles.len()];
-    for (j, Placed { description, .. }) in obstacles.iter().enumerate() {
-        let Some(likelihood) = description.likelihood() else { continue };
-        let first = description.future().map_or(j, |name| *named.entry(name).or_insert(j));
-        let most = likelihoods.entry(first).or_insert(likelihood);
-        *most = likelihood.max(*most);
-        first_of[j] = Some(first);
+    let mut named = HashMap::new();
+    let first = |(j, (likelihood, name)): (usize, &(Option<f64>, Option<_>))| {
+        likelihood.map(|_| name.map_or(j, |name| *named.entry(name).or_insert(j)))
+    };
+    let first_of: Vec<Option<usize>> = said.iter().enumerate().map(first).collect();
+    let mut likeliest: Vec<(f64, usize)> = (0..said.len()).map(|j| (0.0, j)).collect();
+    for (first, (likelihood, _)) in first_of.iter().zip(said) {
+        if let (Some(first), Some(likelihood)) = (first, likelihood) {
+            likeliest[*first].0 = likelihood.max(likeliest[*first].0);
+        }
     }
-    let mut futures: Vec<(usize, f64)> = likelihoods.into_iter().collect();
-    futures.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let mut sum = 0.0;
-    let sums: HashMap<usize, f64> = futures
-        .into_iter()
-        .map(|(first, likelihood)| {
-            sum += likelihood;
-            (first, sum)
-        })
+    likeliest.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut sum, mut sums) = (0.0, vec![0.0; said.len()]);
+    for (likelihood, first) in likeliest {
+        sum += likelihood;
+        sums[first] = sum;
+    }
+    first_of.into_iter().map(|first| first.map(|first| sums[first])).collect()
+}
+
+/// Takes in how likely possible futures are.
+fn weigh_futures<S: ObstacleGeometry<D>, const D: usize>(obstacles: &mut [Placed<S, D>]) {
+    let said: Vec<_> = (obstacles.iter())
+        .map(|it| (it.description.likelihood(), it.description.future()))
         .collect();
-    for (obstacle, first) in obstacles.iter_mut().zip(first_of) {
-        obstacle.likelihood_up_to = first.map(|first| sums[&first]);
-    }
+    let found = likelihoods_up_to(&said);
+    obstacles.iter_mut().zip(found).for_each(|(it, found)| it.likelihood_up_to = found);
 }
 
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
