@@ -202,7 +202,7 @@ def test_set_points_refuse_a_plan_that_they_cannot_follow(tmp_path: Path) -> Non
 
 def test_set_points_are_planned_for_within_their_limits(tmp_path: Path) -> None:
     """A disc is in the way: another plan is found beside the loop, and asks for no more than there is."""
-    slow = {"speed": 0.4, "acceleration": 1.0, "jerk": 20.0}
+    slow = {"speed": 0.8, "acceleration": 1.0, "jerk": 20.0}
     quiet = vff.plan(
         vff.Scenario.from_dict(BLOCKED).replace(obstacles=[], replan=None),
         BLOCKED["reference"]["points"][-1],
@@ -213,7 +213,7 @@ def test_set_points_are_planned_for_within_their_limits(tmp_path: Path) -> None:
     scene = vff.Scenario.from_dict(BLOCKED).replace(reference=quiet.reference)
     robot = Servo(BLOCKED["q0"])
     with vff.drive(
-        robot, scene, seconds=20.0, limits=slow, record_to=tmp_path / "log.arrows", record_every=1
+        robot, scene, seconds=15.0, limits=slow, record_to=tmp_path / "log.arrows", record_every=1
     ) as driven:
         assert driven.wait(HANG)
     assert driven.report.status == "completed", driven.report.reason
@@ -222,7 +222,7 @@ def test_set_points_are_planned_for_within_their_limits(tmp_path: Path) -> None:
     log = vff.StreamRecorder.read(tmp_path / "log.arrows").to_pandas()
     plan, q = columns(log, "q_plan"), columns(log, "q")
     pulls = abs(np.diff(plan, 2, axis=0)).max() / 1e-6
-    assert 0.2 < pulls <= 1.0 + 1e-3 and np.nanmax(abs(q - plan)) < 2e-3
+    assert 0.3 < pulls <= 1.0 + 1e-3 and np.nanmax(abs(q - plan)) < 2e-3
     assert np.nanmin(columns(log, "clearance")) > 0.0
     np.testing.assert_allclose(q[-1], plan[-1], atol=1e-3)
 

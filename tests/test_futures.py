@@ -106,7 +106,7 @@ def test_nobody_else_sees_it(tmp_path: Path) -> None:
 
 
 def test_a_loop_of_ones_own_is_told_of_futures() -> None:
-    """Given anew, all at once, and one of them added."""
+    """With every call, and all at once."""
     panda = vff.Arm.named("panda")
     ahead, blind = (
         vff.Controller(panda, {"avoidance": "cbf", "yielding": given}) for given in ({"preview": {}}, {})
@@ -139,7 +139,10 @@ def test_a_loop_of_ones_own_is_told_of_futures() -> None:
         ),
         ({"controller.yielding.preview.chance": 1.0}, r"preview\.chance: must be in \[0, 1\)"),
         ({"controller.yielding.preview": None}, 'needs `controller.yielding.preview` and "cbf"'),
-        ({"controller.avoidance": "null_space"}, "needs `controller.yielding.preview`|preview"),
+        (
+            {"controller.avoidance": "null_space"},
+            "obstacles.1..likelihood: look-ahead alone sees a possible future",
+        ),
         ({"obstacles.1.contact": {}}, "a possible future has no `contact`"),
         (
             {

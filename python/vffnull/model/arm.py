@@ -21,6 +21,11 @@ def is_spatial(arm: Mapping[str, Any]) -> bool:
     return any(key in arm for key in _KEYS)
 
 
+def dimension_of(arm: Mapping[str, Any]) -> int:
+    """How many dimensions the space of an ``[arm]`` table has."""
+    return 3 if is_spatial(arm) else 2
+
+
 def arm_of(arm: Mapping[str, Any]) -> Any:
     """The arm of an ``[arm]`` table, of a document that has been checked."""
     if not is_spatial(arm):

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError
-from vffnull.model.arm import arm_of, is_spatial
+from vffnull.model.arm import arm_of, dimension_of, is_spatial
 from vffnull.model.document import Document, dotted
 
 __all__ = ["faults"]
@@ -45,7 +45,7 @@ def faults(document: Document) -> list[str]:
     arm = given.get("arm")
     dimension = None  # each part says for itself, as far as it can
     if isinstance(arm, dict) and (is_spatial(arm) or "lengths" in arm):
-        dimension = 3 if is_spatial(arm) else 2
+        dimension = dimension_of(arm)
     obstacles = given.get("obstacles")
     if isinstance(obstacles, list) and all(isinstance(each, dict) for each in obstacles):
         judged = [

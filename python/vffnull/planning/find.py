@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 import vffnull._core as _core
 from vffnull._support.arguments import number, positive, whole
 from vffnull._support.errors import InputError, InputTypeError, ScenarioError
-from vffnull.model.arm import is_spatial
+from vffnull.model.arm import dimension_of
 from vffnull.model.document import Document
 from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.planning.motion import Plan, PlanStatus
@@ -156,7 +156,7 @@ def plan(
     True
     """
     document = prepare(scenario)._document  # it does not change here, and to copy it takes milliseconds
-    dimension = 3 if is_spatial(document["arm"]) else 2
+    dimension = dimension_of(document["arm"])
     at = None if start is None else _vector("start", start, len(document["q0"]))
     now = _finite("time", time)
     angle = positive("view_angle", view_angle)

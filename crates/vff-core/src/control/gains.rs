@@ -2,7 +2,7 @@
 
 use super::metric::TaskMetric;
 use super::motion_limits::MotionLimits;
-use super::settings::Settings;
+use super::settings::{Avoidance, Settings};
 use crate::math::ScalarOrVec;
 use crate::robot::{Model, Robot};
 use nalgebra::SVector;
@@ -112,7 +112,7 @@ fn posture_of(settings: &Settings) -> impl Iterator<Item = (f64, f64)> + '_ {
 impl Settings {
     /// Whether the law looks ahead: only a program with barriers does.
     pub fn looks_ahead(&self) -> bool {
-        self.avoidance == super::Avoidance::Cbf && self.yielding.preview.is_some()
+        self.avoidance == Avoidance::Cbf && self.yielding.preview.is_some()
     }
 
     /// The fastest rate at which the law reacts \[1/s\], the largest of D, D_q and √K.

@@ -39,6 +39,12 @@ pub(crate) fn in_space<const D: usize>(v: &Vector<D>) -> Vector<3> {
     Vector::<3>::from_fn(|i, _| if i < D { v[i] } else { 0.0 })
 }
 
+/// The smallest number first, and what is as small in its order; compiled once for each `T`.
+#[inline(never)]
+pub(crate) fn sort_by_first<T>(all: &mut [(f64, T)]) {
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+}
+
 /// Separations up to this \[m\] count as touching: the difference of two points that near is
 /// mostly rounding and has no direction, whereas a separating axis always has one.
 pub(crate) const TOUCHING: f64 = 1e-13;

@@ -498,7 +498,7 @@ where
         let (obstacle, contact) = scenario::read_felt_obstacle::<S, D>(document)?;
         let closed_loop = self.closed_loop();
         scenario::known_links(&obstacle, &closed_loop.arm().link_names())?;
-        scenario::is_seen_ahead(&obstacle, closed_loop.controller().is_limited()[1])?;
+        scenario::is_seen_ahead(&obstacle, closed_loop.controller().gains().looks_ahead())?;
         self.closed_loop_mut().add_obstacle(&obstacle, contact);
         Ok(())
     }

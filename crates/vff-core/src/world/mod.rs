@@ -12,6 +12,7 @@ mod broad_phase;
 mod cast;
 mod contact;
 mod curve;
+mod futures;
 mod hierarchy;
 mod hull_query;
 mod margin;
@@ -43,7 +44,6 @@ use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use broad_phase::BroadPhase;
 use placed::{Carrier, Placed, Turned};
-use std::collections::HashMap;
 use std::mem::{replace, take};
 
 pub(crate) use crate::math::TOUCHING;
@@ -143,41 +143,6 @@ fn most_margin<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[Placed<S, D>
     own.map(|margin| margin.or(0.0)).fold(0.0, f64::max)
 }
 
-/// Of every obstacle that is a possible future, `(likelihood, name)`, how likely it is that it or one that is no likelier comes true (T204).
-/// Parts of a future count once, as the likeliest; of two that are as likely the first counts as less so.
-#[inline(never)]
-fn likelihoods_up_to(said: &[(Option<f64>, Option<&str>)]) -> Vec<Option<f64>> {
-    interrupt::checkpoint(16 * said.len());
-    // Of each the first part, by which it is known, and how likely the likeliest is.
-    let mut named = HashMap::new();
-    let first = |(j, (likelihood, name)): (usize, &(Option<f64>, Option<_>))| {
-        likelihood.map(|_| name.map_or(j, |name| *named.entry(name).or_insert(j)))
-    };
-    let first_of: Vec<Option<usize>> = said.iter().enumerate().map(first).collect();
-    let mut likeliest: Vec<(f64, usize)> = (0..said.len()).map(|j| (0.0, j)).collect();
-    for (first, (likelihood, _)) in first_of.iter().zip(said) {
-        if let (Some(first), Some(likelihood)) = (first, likelihood) {
-            likeliest[*first].0 = likelihood.max(likeliest[*first].0);
-        }
-    }
-    likeliest.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut sum, mut sums) = (0.0, vec![0.0; said.len()]);
-    for (likelihood, first) in likeliest {
-        sum += likelihood;
-        sums[first] = sum;
-    }
-    first_of.into_iter().map(|first| first.map(|first| sums[first])).collect()
-}
-
-/// Takes in how likely possible futures are.
-fn weigh_futures<S: ObstacleGeometry<D>, const D: usize>(obstacles: &mut [Placed<S, D>]) {
-    let said: Vec<_> = (obstacles.iter())
-        .map(|it| (it.description.likelihood(), it.description.future()))
-        .collect();
-    let found = likelihoods_up_to(&said);
-    obstacles.iter_mut().zip(found).for_each(|(it, found)| it.likelihood_up_to = found);
-}
-
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// The given obstacles at t = 0.
     ///
@@ -197,7 +162,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
 
     /// Of obstacles at t = 0.
     fn of(mut obstacles: Vec<Placed<S, D>>, has_broad_phase: bool) -> Self {
-        weigh_futures(&mut obstacles);
+        futures::weigh(&mut obstacles);
         // Room for all, as any may be placed elsewhere later.
         let mut moving = Vec::with_capacity(obstacles.len());
         moving.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_static));
@@ -403,9 +368,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
 
     /// Whether some obstacle is there and hidden.
     pub fn hides_any(&self) -> bool {
-        self.obstacles
-            .iter()
-            .any(|obstacle| obstacle.is_hidden && obstacle.likelihood_up_to.is_none())
+        self.obstacles.iter().any(|obstacle| obstacle.is_hidden && !obstacle.is_future())
     }
 
     /// Counts obstacle `j` as one of at least so many contacts and barriers: what is allocated by
@@ -424,7 +387,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// Adds an obstacle, the last one from now on. Allocates.
     pub fn add(&mut self, obstacle: S::Obstacle) {
         self.obstacles.push(Placed::new(obstacle));
-        weigh_futures(&mut self.obstacles);
+        futures::weigh(&mut self.obstacles);
         self.moving.reserve(self.obstacles.len());
         self.rearrange();
     }
@@ -432,7 +395,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// Takes obstacle `j` away; those behind it move up.
     pub fn remove(&mut self, j: usize) {
         self.obstacles.remove(j);
-        weigh_futures(&mut self.obstacles);
+        futures::weigh(&mut self.obstacles);
         self.rearrange();
     }
 

@@ -63,9 +63,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// The obstacles that a body is measured against, those that are hidden or the others.
     fn measured(&self, carrier: Carrier, hidden: bool) -> impl Iterator<Item = usize> {
         let all = self.obstacles.iter().enumerate();
-        let is_meant = move |it: &Placed<S, D>| {
-            it.is_hidden == hidden && !(hidden && it.likelihood_up_to.is_some())
-        };
+        let is_meant = move |it: &Placed<S, D>| it.is_hidden == hidden && !it.is_future();
         let asked = all.filter(move |(_, it)| is_meant(it) && !it.is_ignored_by(carrier));
         asked.map(|(j, _)| j)
     }

@@ -90,6 +90,11 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
         this
     }
 
+    /// Whether it is a possible future, which is hidden from all but look-ahead.
+    pub(super) fn is_future(&self) -> bool {
+        self.likelihood_up_to.is_some()
+    }
+
     /// Whether what `carrier` carries is not measured against it.
     #[inline]
     pub(super) fn is_ignored_by(&self, carrier: Carrier) -> bool {
@@ -157,8 +162,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
 
     /// Takes in whether its motion is foreseen, and how fast that is at most.
     fn foresee(&mut self) {
-        let is_foreseen =
-            self.description.motion().is_foreseen() || self.likelihood_up_to.is_some();
+        let is_foreseen = self.description.motion().is_foreseen() || self.is_future();
         self.foreseen = is_foreseen.then(|| self.any_speed());
     }
 

@@ -408,7 +408,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         );
         if matches!(self.named, Named::Each(_)) {
             let all = self.obstacles.iter().enumerate();
-            all.filter(|(_, it)| it.likelihood_up_to.is_some()).for_each(|(j, _)| visit(j));
+            all.filter(|(_, it)| it.is_future()).for_each(|(j, _)| visit(j));
         }
     }
 

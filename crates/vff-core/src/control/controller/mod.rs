@@ -12,7 +12,7 @@ pub use reactive::ReactiveController;
 
 use super::avoidance::preview::{Preview, SelfMotionMap};
 use super::deadline::{Budget, LeftOut};
-use super::{Avoidance, Gains, Law, Output, Torque, Yielding};
+use super::{Gains, Law, Output, Torque};
 use crate::math::Vector;
 use crate::robot::Manipulator;
 use crate::trajectory::{JointSpline, Pace, Sample};
@@ -76,12 +76,8 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> Deref for Controller<
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// A controller for `robot`, with gains resolved for its number of joints.
     pub fn new(robot: R, gains: Gains<M>) -> Self {
-        let preview = match (gains.avoidance, &gains.yielding) {
-            (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
-                Some(Box::new(Preview::new(&robot, &gains, settings)))
-            }
-            _ => None,
-        };
+        let given = gains.yielding.preview.as_ref().filter(|_| gains.looks_ahead());
+        let preview = given.map(|settings| Box::new(Preview::new(&robot, &gains, settings)));
         let budget = Budget::of_simulation(gains.deadline);
         Self { reactive: ReactiveController::new(robot, gains), preview, budget }
     }

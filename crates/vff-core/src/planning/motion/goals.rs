@@ -12,12 +12,6 @@ const RIGHTINGS: usize = 50;
 /// Configurations nearer than this are one goal \[rad\].
 const SAME: f64 = 0.1;
 
-/// The nearest first; compiled once, whatever the task.
-#[inline(never)]
-pub(super) fn sort_by_distance<T>(all: &mut [(f64, T)]) {
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-}
-
 #[inline(never)]
 fn sort_around(start: &[f64], all: &mut [Vec<f64>]) {
     all.sort_by(|a, b| tree::distance(a, start).total_cmp(&tree::distance(b, start)));
@@ -74,7 +68,7 @@ where
             }
         }
         if found.is_empty() {
-            sort_by_distance(&mut missed);
+            sort_by_first(&mut missed);
             let mut nearest = f64::INFINITY;
             for (_, (residual, mut q)) in missed.into_iter().take(GOALS) {
                 let mut left = solver.solve_nearby(self.space.robot(), &mut q, pose, residual);

@@ -24,7 +24,7 @@ use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use crate::control::{CommandSettings, Gravity, SelfCollision, speed_shares};
 use crate::interrupt;
 use crate::inverse_kinematics::{Residual, Solver};
-use crate::math::{Noise, ScalarOrVec, whole_turns};
+use crate::math::{Noise, ScalarOrVec, sort_by_first, whole_turns};
 use crate::robot::Manipulator;
 use crate::robot::{Limits, Model, Robot};
 use crate::scenario::{

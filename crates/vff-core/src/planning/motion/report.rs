@@ -1,6 +1,5 @@
 //! What is said of a motion that was found.
 
-use super::goals::sort_by_distance;
 use super::planner::{Certified, Planner};
 use super::*;
 
@@ -125,7 +124,7 @@ where
         };
         let mut pieces: Vec<(f64, usize)> =
             margins.windows(2).map(least).enumerate().map(|(k, kept)| (kept, k)).collect();
-        sort_by_distance(&mut pieces);
+        sort_by_first(&mut pieces);
         let others = self.space.has_own_margins();
         let (mut clearance, mut state) =
             (f64::INFINITY, [0; 3].map(|_| vec![0.0; self.start.len()]));

@@ -78,12 +78,15 @@ pub trait Prediction<const D: usize> {
     /// The largest margin of its own that a pair has \[m\]; 0 if none has one.
     fn largest_margin(&self) -> f64;
 
-    /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
-    fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>);
-
-    /// Of these, leaves out possible futures that are unlikely: none of those that are left out comes true with a probability of more than
-    /// `chance` (T204).
-    fn leave_out_unlikely(&self, chance: f64, found: &mut Vec<usize>);
+    /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once, and possible futures but for unlikely ones: that one of
+    /// these comes true has a probability of `chance` at most (T204).
+    fn obstacles_near(
+        &mut self,
+        bodies: &[Body<'_, D>],
+        reach: f64,
+        chance: f64,
+        found: &mut Vec<usize>,
+    );
 
     /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity, or as it
     /// is foreseen: the nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
@@ -135,16 +138,19 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         self.most_margin()
     }
 
-    fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>) {
+    fn obstacles_near(
+        &mut self,
+        bodies: &[Body<'_, D>],
+        reach: f64,
+        chance: f64,
+        found: &mut Vec<usize>,
+    ) {
         self.for_each_obstacle_near(bodies.iter().copied(), reach, |obstacle| {
             interrupt::checkpoint(64 + found.len());
             if !found.contains(&obstacle) {
                 found.push(obstacle);
             }
         });
-    }
-
-    fn leave_out_unlikely(&self, chance: f64, found: &mut Vec<usize>) {
         found.retain(|j| self.likelihood_up_to(*j) > chance);
     }
 

@@ -150,8 +150,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         let Self { obstacles, bodies, near, margin, w, v, inverse_inertia, .. } = self;
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
         *near = NEAR + PairMargin::farther(surroundings.largest_margin(), *margin);
-        surroundings.obstacles_near(bodies, REACH, obstacles);
-        surroundings.leave_out_unlikely(settings.chance, obstacles);
+        surroundings.obstacles_near(bodies, REACH, settings.chance, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
             interrupt::checkpoint(16 * robot.dof());

@@ -169,8 +169,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         obstacles.clear();
         obstacles.reserve(surroundings.count());
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
-        surroundings.obstacles_near(bodies, REACH, obstacles);
-        surroundings.leave_out_unlikely(*chance, obstacles);
+        surroundings.obstacles_near(bodies, REACH, *chance, obstacles);
         self.pairs.clear();
         self.pairs.reserve(self.obstacles.len() * self.bodies.len());
         poses.clear();
