@@ -87,9 +87,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.budget = budget;
     }
 
-    /// Whether cycles have a deadline, and whether it looks ahead.
-    pub fn is_limited(&self) -> [bool; 2] {
-        [self.budget.is_limited(), self.preview.is_some()]
+    /// Whether cycles have a deadline.
+    pub fn is_limited(&self) -> bool {
+        self.budget.is_limited()
     }
 
     /// So many controllers share a cycle from now on, a part each.

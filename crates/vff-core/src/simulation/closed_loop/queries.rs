@@ -87,8 +87,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// What was left out so far, in the order of [`LeftOut::named`](crate::control::LeftOut::named); None of what there is not.
     pub fn left_out(&self) -> [Option<u64>; 5] {
         let controller = self.sender();
-        let [is_limited, looks_ahead] = controller.is_limited();
-        let (ahead, keeps) = (is_limited && looks_ahead, controller.slack().is_some());
+        let is_limited = controller.is_limited();
+        let ahead = is_limited && controller.gains().looks_ahead();
+        let keeps = controller.slack().is_some();
         let is_there = [is_limited, ahead, ahead, keeps, controller.has_program()];
         let mut counts = controller.left_out().named().into_iter().zip(is_there);
         [(); 5].map(|()| counts.next().and_then(|((_, count), there)| there.then_some(count)))
