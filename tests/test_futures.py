@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull.errors import ScenarioError
+from vffnull.engines.export import to_mjcf
+from vffnull.errors import InputError, ScenarioError
 from vffnull.robots.simulated import SimulatedRobot
 from waiting import HANG
 
@@ -105,6 +107,21 @@ def test_nobody_else_sees_it(tmp_path: Path) -> None:
     assert "Obstacle 2 is a possible future with a likelihood of 0.5: seen by look-ahead alone" in told
 
 
+def test_another_engine_touches_no_future() -> None:
+    """MuJoCo moves the arm as it does without it, and the model has it as a body that nothing touches."""
+    pytest.importorskip("mujoco")
+    inside = vff.Obstacle.sphere([0.3, 0.0, 0.6], 0.2).with_likelihood(0.5)
+    quiet = {"controller.yielding.preview.chance": 0.9, "duration": 0.3}
+    runs = [vff.simulate(scene(*futures, **quiet), plant="mujoco") for futures in ((), (inside,))]
+    assert (runs[0].q == runs[1].q).all() and worst(runs[1]) < 1e-3
+    disc = vff.Obstacle.circle([0.5, 0.0], 0.2)
+    planar = vff.Arm.uniform(3)
+    for arm, seen in ((planar, disc), (scene().arm, inside.with_likelihood(None))):
+        models = [to_mjcf(arm, obstacles=[each]) for each in (seen, seen.with_likelihood(0.5))]
+        touched = [ElementTree.fromstring(model).find(".//geom[@name='obstacle_1']") for model in models]
+        assert [each is not None and each.get("conaffinity") for each in touched] == ["1", "0"]
+
+
 def test_a_loop_of_ones_own_is_told_of_futures() -> None:
     """With every call, and all at once."""
     panda = vff.Arm.named("panda")
@@ -118,6 +135,11 @@ def test_a_loop_of_ones_own_is_told_of_futures() -> None:
         blind.torque(**given)
     with vff.drive(SimulatedRobot(scene()), scene(), seconds=0.5) as drive:
         drive.set_obstacles([ball(COMES), future])
+        with pytest.raises(
+            InputError, match=r"controller: obstacles\[1\]\.likelihood: look-ahead alone sees"
+        ):
+            drive.set_controller(vff.Controller(panda, {"task": "pose", "avoidance": "cbf"}))
+        drive.set_controller(vff.Controller(panda, scene().to_dict()["controller"]))
         assert drive.wait(HANG)
     assert drive.report.status == "completed", drive.report.reason
 

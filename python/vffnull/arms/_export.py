@@ -172,7 +172,8 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
         Each becomes a mocap body ``obstacle_1`` … with a geom of that name at its position, to be moved by
         hand; its motion is not a part of the model. A cloud of points has a geom for each of them, ``_2`` …
         after the first. If they are given, be there none, the links touch
-        obstacles, without friction, and nothing else. Otherwise links touch one another as well.
+        obstacles, without friction, and nothing else. Otherwise links touch one another as well. Nothing
+        touches a possible future.
 
     Returns
     -------
@@ -273,10 +274,11 @@ def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Ma
     place = {key: obstacle.get(key, _IDENTITY[key]) for key in _IDENTITY}
     body = ET.SubElement(world, "body", {"name": name, "mocap": "true", **_place(place)})
     shape = obstacle["shape"]
+    touch = contacts_of(obstacle)
     if shape["kind"] == "points":
         for i, point in enumerate(shape["points"], start=1):
             ball = _mjcf_form({"kind": "sphere", "center": point, "radius": shape["radius"]})
-            ET.SubElement(body, "geom", {"name": name if i == 1 else f"{name}_{i}", **ball, **_TOUCHED})
+            ET.SubElement(body, "geom", {"name": name if i == 1 else f"{name}_{i}", **ball, **touch})
         return
     if shape["kind"] in ("sphere", "capsule", "half_space"):
         form = _mjcf_form(shape)
@@ -284,7 +286,14 @@ def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Ma
         corners, _ = core_in_space(shape)
         ET.SubElement(asset, "mesh", name=name, vertex=_text(corners.ravel()))
         form = {"type": "mesh", "mesh": name}
-    ET.SubElement(body, "geom", {"name": name, **form, **_TOUCHED})
+    ET.SubElement(body, "geom", {"name": name, **form, **touch})
+
+
+def contacts_of(obstacle: Mapping[str, Any]) -> dict[str, str]:
+    """What of MuJoCo touches an obstacle: links, without friction; of what may only come true nothing, and it
+    is paler.
+    """
+    return _UNTOUCHED | {"rgba": "0.5 0.5 0.5 0.3"} if "likelihood" in obstacle else _TOUCHED
 
 
 def _check_clouds(obstacles: Iterable[Mapping[str, Any]]) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from vffnull import arms
 from vffnull._core import Arm
-from vffnull.arms._export import text_of
+from vffnull.arms._export import contacts_of, text_of
 from vffnull.model.obstacle import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
@@ -41,7 +41,8 @@ def to_mjcf(
         Name of the model; the arm's own, or ``arm``, by default.
     obstacles : iterable of Obstacle or Mapping, optional
         Obstacles, also as in a scenario document. Each becomes a mocap body ``obstacle_1`` … with a geom of
-        that name at its position, to be moved by hand; its motion is not a part of the model.
+        that name at its position, to be moved by hand; its motion is not a part of the model. Nothing touches
+        a possible future.
 
     Returns
     -------
@@ -193,7 +194,7 @@ def _add_obstacle(
         pos=_numbers(*obstacle.get("position", (0.0, 0.0)), 0.0),
         quat=_numbers(np.cos(half_angle), 0.0, 0.0, np.sin(half_angle)),
     )
-    geom = SubElement(body, "geom", name=name, contype="0", conaffinity="1", condim="1")
+    geom = SubElement(body, "geom", {"name": name, **contacts_of(obstacle)})
     shape = obstacle["shape"]
     match shape["kind"]:
         case "circle":  # the plane is its equator

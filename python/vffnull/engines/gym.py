@@ -16,13 +16,14 @@ of it as torque limits and a torque rate leave room for, the same share at all j
 **Observation**: what the controller knows, as one row of numbers that `layout` takes apart: ``cos_q``,
 ``sin_q``, ``dq`` [rad/s], ``tip``, ``reference``, ``reference_velocity``, ``error`` and, where there are
 obstacles, ``clearance`` of every link, ``nearest`` (the way from its axis, or from the surface of a box or
-hull, to the nearest obstacle), ``obstacles`` and ``obstacle_velocities``, in m and m/s. What lies beyond the
-bounds of the space is shown at the bound. Of an arm in space, points have three coordinates, and ``error``
-has three numbers for a position, five for pointing and six for a pose. For these two tasks there are also
-``tip_axes`` and ``reference_axes``, the x and y axis of hand and reference (their z axis, for pointing), and
-``reference_angular_velocity`` [rad/s]. Joints that slide have no cosine and sine but their position in
-``slide`` [m]. With an observer there is ``tau_ext_estimate``, the torque that its model does not know [N·m],
-up to the largest torque of an action. Of obstacles that the controller does not see, nothing is told.
+hull, to the nearest obstacle), ``obstacles`` and ``obstacle_velocities``, in m and m/s, possible futures
+among them. What lies beyond the bounds of the space is shown at the bound. Of an arm in space, points have
+three coordinates, and ``error`` has three numbers for a position, five for pointing and six for a pose. For
+these two tasks there are also ``tip_axes`` and ``reference_axes``, the x and y axis of hand and reference
+(their z axis, for pointing), and ``reference_angular_velocity`` [rad/s]. Joints that slide have no cosine and
+sine but their position in ``slide`` [m]. With an observer there is ``tau_ext_estimate``, the torque that its
+model does not know [N·m], up to the largest torque of an action. Of obstacles that the controller does not
+see, nothing is told.
 
 **Reward** per step, with weights w:
 

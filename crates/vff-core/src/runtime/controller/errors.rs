@@ -74,7 +74,7 @@ pub enum SuccessionError {
     /// It is not for the period of the loop.
     #[error(transparent)]
     Period(#[from] BeginError),
-    /// It has no room for the obstacles.
+    /// It has no room for the obstacles, or does not see one of them: a possible future, without look-ahead.
     #[error(transparent)]
     Room(#[from] ScenarioError),
 }

@@ -285,8 +285,8 @@ impl Exchange {
     /// [`succeed`](crate::runtime::ErasedController::succeed). If the last one has not taken over yet, it waits for that.
     ///
     /// # Errors
-    /// If it is for another kind of arm or task, for other drives, wants to know what the robot does not measure, or has no room for the
-    /// obstacles; then nothing has changed.
+    /// If it is for another kind of arm or task, for other drives, wants to know what the robot does not measure, has no room for the
+    /// obstacles or does not see one; then nothing has changed.
     pub fn succeed(&self, like: &AnyController, blend: f64) -> Result<(), SuccessionError> {
         let mut mirror = lock(&self.mirror);
         let next = mirror.successor(like)?;
