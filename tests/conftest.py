@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,12 @@ settings.register_profile(
 )
 settings.register_profile("soak", settings.get_profile("vffnull"), max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "vffnull"))
+
+
+@pytest.hookimpl(wrapper=True, optionalhook=True)
+def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
+    """Of `-n auto`: one more than there are processors, as tests of what runs in real time mostly wait."""
+    return (yield) + 1
 
 
 @pytest.fixture

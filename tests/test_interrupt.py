@@ -186,7 +186,9 @@ def test_the_first_load_of_numpy(call: str) -> None:
     def bent(n): return [1.0 / n] * n
     def call(then):
         try:
-            _core.{call}
+            found = _core.{call}
+            if isinstance(found, dict) and found["status"] == "interrupted":
+                return "Ctrl-C" # in the run itself, of which the first part is the result
             then()
             return "nothing"
         except KeyboardInterrupt:

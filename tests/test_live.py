@@ -67,6 +67,10 @@ def test_the_loop_keeps_the_clock_and_obeys(loop: _core.Live) -> None:
     wait_for(lambda: np.allclose(loop.snapshot()["x"], [4.0, 2.0], atol=1e-4))
     loop.reset()
     assert loop.snapshot()["t"] < t + 0.5
+    loop.pause()
+    loop.reset()
+    time.sleep(0.05)
+    assert loop.snapshot()["t"] == 0.0 and loop.snapshot()["status"] == "paused"
 
 
 def test_the_shown_forces_are_the_forces_of_the_field(loop: _core.Live) -> None:

@@ -1098,7 +1098,7 @@ class Live:
     def pause(self) -> None:
         """Stand still until `start`."""
     def reset(self) -> None:
-        """Go back to t = 0 of the scenario, with the present settings of the controller."""
+        """Go back to t = 0 of the scenario, with the present settings of the controller; a pause goes on."""
     def stop(self) -> None:
         """End the thread. In a fork of the process there is none."""
     def configure(self, controller: _Document) -> None:

@@ -241,7 +241,7 @@ impl Live {
         self.with(py, |live| live.pause(true))
     }
 
-    /// Go back to t = 0 of the scenario, with the present settings of the controller.
+    /// Go back to t = 0 of the scenario, with the present settings of the controller; a pause goes on.
     fn reset(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, live::Live::reset)?.map_err(|error| errors::scenario(&error))
     }

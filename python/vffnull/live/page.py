@@ -255,8 +255,8 @@ class LivePage:
             if as_filed or self._live.snapshot()["status"] in STOPPED:
                 self.open(self._scenario)
                 return
-            self._live.reset()
             self._live.pause()  # until all is drawn: both arms begin together
+            self._live.reset()
             self._put.clear()
             influence = self._scene.influence
             self._draw_scene()
@@ -511,10 +511,10 @@ class LivePage:
             untouched = not self._dragged and not self._recorder.is_on and not self._over.is_set()
             is_watched = self._live.snapshot()["status"] == "running" or self._end.at is not None
             if not seen and untouched and is_watched:
+                self._run(False)
                 for live in self._loops():
                     live.reset()
                 self._end.begin(self._scenario)
-                self._run(False)
                 self._held_until = time.monotonic() + FIRST
                 self._memory.clear()
                 self._clear_plots()

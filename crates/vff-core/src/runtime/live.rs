@@ -160,16 +160,18 @@ impl Live {
         Ok(this)
     }
 
-    /// Goes back to t = 0 of the scenario, with the present settings. The record goes on only if there
-    /// are as many obstacles as before.
+    /// Goes back to t = 0 of the scenario, with the present settings; where it stands still it stays there
+    /// until it is told to go on. The record goes on only if there are as many obstacles as before.
     ///
     /// # Errors
     /// None that [`new`](Self::new) and [`configure`](Self::configure) have not found.
     pub fn reset(&mut self) -> Result<(), ScenarioError> {
         let Live { run, drags, notes, .. } = Self::new(&self.scenario)?;
         (self.run, self.drags, self.notes) = (run, drags, notes);
-        (self.state, self.aims, self.turned) = (State::Running, false, None);
-        self.pulled = None;
+        if self.state != State::Paused {
+            self.state = State::Running;
+        }
+        (self.aims, self.turned, self.pulled) = (false, None, None);
         self.metrics = unmeasured(&self.run);
         let count = self.snapshot().obstacles.count();
         self.record = self.record.take().filter(|record| record.sizes.obstacles == count);

@@ -169,8 +169,13 @@ fn obstacles_come_and_go() {
     live.remove(0).unwrap();
     ticks(&mut live, 10);
     assert!(live.remove(0).is_err());
-    live.reset().unwrap();
-    assert_eq!((world(&live).len(), live.snapshot().t.to_bits()), (1, 0));
+    for stands in [false, true] {
+        live.pause(stands);
+        live.reset().unwrap();
+        assert_eq!((world(&live).len(), live.snapshot().t.to_bits()), (1, 0));
+        assert_eq!(*live.state() == State::Paused, stands);
+        ticks(&mut live, 10);
+    }
 }
 
 /// A hand that gets no farther than a wall goes around it when somebody wants a plan: from beside, without a jump, and to where the
