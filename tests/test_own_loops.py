@@ -148,7 +148,7 @@ def test_what_is_given_moves_by_the_clock_of_whoever_gives_it(before: str) -> No
     loop(controller, 10.0)
     if before != "a clock that was set":
         controller.stop()
-        loop(controller, 10.05)
+        loop(controller, 10.05, 240)
         assert controller.phase == "finished"
         if before == "reset":
             controller.reset()

@@ -27,7 +27,13 @@ SCENE: dict[str, Any] = {
 TOLD = 2.0  # s
 
 
-def changed(scene: Any, path: Path, *changes: tuple[float, vff.Controller], seconds: float = 4.0) -> Any:
+def changed(
+    scene: Any,
+    path: Path,
+    *changes: tuple[float, vff.Controller],
+    seconds: float = 4.0,
+    arm: vff.Arm = PANDA,
+) -> Any:
     """The rows of a drive, one a period, in which other controllers take over at these times."""
     drive: list[vff.Drive] = []
 
@@ -47,7 +53,7 @@ def changed(scene: Any, path: Path, *changes: tuple[float, vff.Controller], seco
         def write(self, command: Any, /) -> None:
             self.robot.write(command)
 
-    law = vff.Controller(PANDA, scene["controller"])
+    law = vff.Controller(arm, scene["controller"])
     around = scene.to_dict().get("obstacles", [])
     with vff.drive(Told(), law, obstacles=around, seconds=seconds, record_to=path, record_every=1) as driven:
         drive.append(driven)
@@ -93,6 +99,72 @@ def test_the_torque_makes_no_step(tmp_path: Path, other: vff.Controller) -> None
     expected = other.terms(q, dq, (pose, turn), obstacles=[ball], t=late["t"])
     if expected.slack is None:  # a program with a memory of its own is not asked twice
         np.testing.assert_allclose([late[f"tau_{i}"] for i in range(7)], expected.tau, atol=1e-6)
+
+
+@pytest.mark.parametrize("told", [0.1, 0.3, 0.48])
+def test_a_law_that_is_told_in_the_safe_start_waits_for_its_end(tmp_path: Path, told: float) -> None:
+    """Its barriers, with a ball within their margin, act in full on what is blended in."""
+    ball = vff.Obstacle.sphere([-0.02, -0.22, 0.63], 0.05)
+    field = {"field": {"kind": "bounded", "gain": 0.0, "influence": 0.1}}
+    scene = vff.Scenario.from_dict(SCENE | {"controller": SETTINGS | field}).replace(obstacles=[ball])
+    keeps = vff.Controller(PANDA, SETTINGS | {"avoidance": "cbf", "yielding": {"margin": 0.12}})
+    made = steps(changed(scene, tmp_path / "run.arrows", (told, keeps), seconds=1.6))
+    begin = int(1e3 * told)
+    assert made[begin - 2 : begin + 600].max() < 0.1 and made.max() > 1e-3
+
+
+@pytest.mark.parametrize("told", [0.99, 1.02])
+def test_a_load_that_is_told_about_a_stop_makes_no_step(tmp_path: Path, told: float) -> None:
+    scene = vff.Scenario.from_dict(SCENE)
+    loaded = vff.Controller(PANDA.with_load(3.0), SETTINGS)
+    rows = changed(scene, tmp_path / "run.arrows", (told, loaded), seconds=1.0)
+    assert rows["t"].iloc[-1] > 1.1 and steps(rows)[900:].max() < 0.2
+
+
+def limited(**limits: Any) -> vff.Arm:
+    """A Panda with other limits of its joints."""
+    return vff.Scenario.from_dict(SCENE | {"arm": PANDA.to_dict() | limits}).arm
+
+
+def test_a_joint_is_too_fast_for_the_arm_of_the_law_in_use(tmp_path: Path) -> None:
+    """One that was slow before is not braked when it is faster than twice its speed then."""
+    scene = vff.Scenario.from_dict(SCENE)
+    aside = SETTINGS | {"posture": [0.8, *READY[1:]], "posture_stiffness": 60.0}
+    change = (0.8, vff.Controller(PANDA, aside))
+    slow = limited(velocity_limits=[0.05] * 7)
+    rows = changed(scene, tmp_path / "run.arrows", change, seconds=3.0, arm=slow)
+    assert np.abs(of(rows, "dq")).max() > 0.2
+
+
+class Servo:
+    """A robot that is where it is told to be."""
+
+    command = "position"
+
+    def __init__(self) -> None:
+        self.t, self.q = 0.0, np.array(READY)
+
+    def read(self) -> Any:
+        return self.t, self.q, np.zeros(7)
+
+    def write(self, command: Any, /) -> None:
+        self.t, self.q = self.t + 1e-3, command.copy()
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [{"velocity_limits": [0.5] * 7}, {"joint_limits": [[q - 0.5, q + 0.5] for q in READY]}],
+    ids=["speeds", "ranges"],
+)
+def test_set_points_keep_the_limits_of_their_arm(limits: dict[str, Any]) -> None:
+    """A successor whose joints have others is refused, and one that carries something is not."""
+    controller, moves = vff.Controller(PANDA, SETTINGS), {"acceleration": 8.0, "jerk": 400.0}
+    with vff.drive(Servo(), controller, seconds=0.3, limits=moves) as drive:
+        with pytest.raises(InputError, match="set points keep those of the arm that they began with"):
+            drive.set_controller(vff.Controller(limited(**limits), SETTINGS))
+        drive.set_controller(vff.Controller(PANDA.with_load(0.5), SETTINGS))
+        assert drive.wait(HANG)
+    assert drive.report.status == "completed", drive.report.reason
 
 
 def test_a_load_is_taken_up_and_put_down(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ enum vff_status
     VFF_STATUS_PANIC = 15,
     // No loop has begun.
     VFF_STATUS_NOT_BEGUN = 16,
-    // The law before is still being left.
+    // The law before is still being left, or blended in.
     VFF_STATUS_SUCCEEDING = 17,
     // A time is not later than the last one.
     VFF_STATUS_NOT_LATER = 18,

@@ -48,7 +48,7 @@ pub enum Status {
     Panic = 15,
     /// No loop has begun.
     NotBegun = 16,
-    /// The law before is still being left.
+    /// The law before is still being left, or blended in.
     Succeeding = 17,
     /// A time is not later than the last one.
     NotLater = 18,

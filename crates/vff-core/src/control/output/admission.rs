@@ -74,6 +74,13 @@ impl Admission {
         }
     }
 
+    /// From now on joints have these velocity limits, which may be none; one that is faster is limited to what it has.
+    pub fn be_limited(&mut self, velocity_limits: &[f64]) {
+        for (i, (limit, dq)) in self.limit.iter_mut().zip(&self.believed.dq).enumerate() {
+            *limit = velocity_limits.get(i).copied().unwrap_or(NO_LIMIT).max(dq.abs());
+        }
+    }
+
     /// From now on the turns of these joints are counted.
     ///
     /// # Panics

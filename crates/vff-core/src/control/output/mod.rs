@@ -5,6 +5,7 @@
 //! faster than the drives allow. `supervision` decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
 
 mod admission;
+mod begin;
 mod clock;
 mod friction;
 mod hold;
@@ -17,7 +18,8 @@ pub(crate) use clock::Clock;
 use friction::Friction;
 
 pub(crate) use admission::unwrap;
-pub use supervision::{BeginError, Phase, Supervisor};
+pub use begin::BeginError;
+pub use supervision::{Phase, Supervisor};
 
 /// Share of the torque limits that is used where the robot adds gravity: it does so where it is, a little off where it was measured.
 const MEASURED: f64 = 0.998;
@@ -201,30 +203,41 @@ impl Output {
     pub fn damp<R: Robot<D>, const D: usize>(&mut self, robot: &R, d: f64, carried: &[f64]) {
         self.look_at(robot);
         let Self { gravity, bounds, wanted, scratch: [_, damping], .. } = self;
-        match gravity {
-            Gravity::Controller => robot.gravity_torque(wanted),
-            Gravity::Robot => wanted.fill(0.0),
-        }
+        gravity.write_ours(robot, wanted);
         wanted.iter_mut().zip(carried).for_each(|(wanted, carried)| *wanted += carried);
         damping_torque(robot, d, wanted, bounds, damping);
         wanted.iter_mut().zip(damping).for_each(|(wanted, damping)| *wanted += *damping);
         self.confine();
     }
 
-    /// Takes but a `share` of what is wanted at the state of `robot`; the rest is `origin` \[N·m, N\], which was sent before, and damping
-    /// as above.
+    /// Takes but a `share` of what is wanted at the state of `robot`; the rest is gravity if it is ours, what was sent `beside` it before
+    /// \[N·m, N\], and damping as above.
     pub fn blend<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
-        origin: &[f64],
+        beside: &[f64],
         d: f64,
         share: f64,
     ) {
-        let Self { wanted, bounds, scratch: [_, damping], .. } = self;
-        damping_torque(robot, d, origin, bounds, damping);
-        for ((wanted, origin), damping) in wanted.iter_mut().zip(origin).zip(damping) {
-            *wanted = share * *wanted + (1.0 - share) * (origin + *damping);
+        let Self { gravity, wanted, bounds, scratch: [rest, damping], .. } = self;
+        gravity.write_ours(robot, rest);
+        rest.iter_mut().zip(beside).for_each(|(rest, beside)| *rest += beside);
+        damping_torque(robot, d, rest, bounds, damping);
+        for ((wanted, rest), damping) in wanted.iter_mut().zip(rest).zip(damping) {
+            *wanted = share * *wanted + (1.0 - share) * (*rest + *damping);
         }
+    }
+
+    /// Adds `times` the gravity that is ours at the state of `robot` to `out` \[N·m, N\].
+    pub fn add_gravity<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        times: f64,
+        out: &mut [f64],
+    ) {
+        let Self { gravity, scratch: [ours, _], .. } = self;
+        gravity.write_ours(robot, ours);
+        out.iter_mut().zip(ours).for_each(|(out, ours)| *out += times * *ours);
     }
 
     /// Begins as if the robot had been held still where it is: what is sent changes from that torque on.
@@ -291,6 +304,16 @@ impl Output {
         let Self { sent, before: [before, earlier], .. } = self;
         sent.copy_from_slice(before);
         before.copy_from_slice(earlier);
+    }
+}
+
+impl Gravity {
+    /// Writes the gravity that is sent to hold `robot` where it is: none where the robot adds it \[N·m, N\].
+    fn write_ours<R: Robot<D>, const D: usize>(self, robot: &R, out: &mut [f64]) {
+        match self {
+            Self::Controller => robot.gravity_torque(out),
+            Self::Robot => out.fill(0.0),
+        }
     }
 }
 

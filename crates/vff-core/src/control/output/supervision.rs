@@ -9,8 +9,9 @@
 
 use super::Output;
 use super::admission::Admission;
+use super::begin::BeginError;
 use super::hold::Hold;
-use crate::control::{Controller, Settings, Unstable};
+use crate::control::{Controller, Settings};
 use crate::math::smoothstep;
 use crate::robot::{Limits, Manipulator, Robot};
 use std::mem::{replace, swap};
@@ -58,67 +59,6 @@ impl Phase {
     }
 }
 
-/// Why a loop cannot begin.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum BeginError {
-    /// The period is no duration.
-    #[error("period must be finite and greater than 0, got {0}")]
-    Period(f64),
-    /// Damping held over the period would accelerate the arm.
-    #[error(
-        "command.stop_damping: {damping} 1/s is unstable at a control period of {period} s; below {} 1/s it is not",
-        2.0 / period
-    )]
-    Damping {
-        /// d \[1/s\].
-        damping: f64,
-        /// \[s\].
-        period: f64,
-    },
-    /// A gain of the law would throw the arm.
-    #[error(transparent)]
-    Gain(#[from] Unstable),
-    /// A force behind this rate would hit stiff surfaces again and again (T159).
-    #[error(
-        "{key}: must be at most half per control period, {} 1/s, with touch.force, got {rate}",
-        0.5 / period
-    )]
-    Force {
-        /// The key of the rate below `controller`.
-        key: &'static str,
-        /// \[1/s\].
-        rate: f64,
-        /// \[s\].
-        period: f64,
-    },
-}
-
-impl BeginError {
-    /// Whether a law of these settings is for a loop of `period` \[s\].
-    ///
-    /// # Errors
-    /// If the period is none, or too long.
-    pub fn check(settings: &Settings, period: f64) -> Result<(), Self> {
-        if !(period.is_finite() && period > 0.0) {
-            return Err(Self::Period(period));
-        }
-        let damping = settings.command.stop_damping;
-        if damping * period >= 2.0 {
-            return Err(Self::Damping { damping, period });
-        }
-        let gains = Unstable::all(settings, period);
-        if let Some(unstable) = gains.into_iter().find(|unstable| !unstable.is_slow()) {
-            return Err(unstable.into());
-        }
-        let Settings { observer, touch, .. } = settings;
-        let (Some(observer), Some(force)) = (observer, &touch.force) else { return Ok(()) };
-        match force.too_fast(observer.bandwidth, period) {
-            Some((key, rate)) => Err(Self::Force { key, rate, period }),
-            None => Ok(()),
-        }
-    }
-}
-
 /// The watch over one loop: safe start, safe end, watchdog. Nothing allocates after construction.
 ///
 /// # Example
@@ -158,16 +98,20 @@ pub struct Supervisor<R, const D: usize> {
     brakes: bool,
     /// Whether the end was asked for.
     stops: bool,
-    /// Cycles in a row in which the arm has stood.
+    /// Cycles in a row in which the arm has stood, and for how many it has to.
     still: usize,
+    still_for: usize,
     /// The torque that the arm may have had before the first state; None if nobody knows it.
     measured: Option<Vec<f64>>,
     /// Whether there has been a state, and whether anything was sent.
     has_begun: bool,
     has_sent: bool,
-    /// What the torque is blended from, and for how long it has been \[s\].
+    /// What the torque is blended from beside gravity and damping, and for how long it has been \[s\].
     origin: Vec<f64>,
     blended: f64,
+    /// What the arm before held beside what this one holds, and how long it is until that is left off, of how long \[s\].
+    before: Vec<f64>,
+    leaves: [f64; 2],
     /// What was sent before this cycle.
     sent: Vec<f64>,
     /// What is wanted, as a torque of the law.
@@ -186,8 +130,9 @@ pub struct Supervisor<R, const D: usize> {
 impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     /// A joint that is no faster stands \[rad/s, m/s\].
     const STANDS: f64 = 0.02;
-    /// For so many cycles it has to, until the arm has stopped.
-    const STILL: usize = 10;
+    /// For so long it has to, and for so many cycles, until the arm has stopped \[s\]: at high rates ten of them are over before what
+    /// nobody holds has begun to sink.
+    const STILL: (f64, usize) = (0.2, 10);
     /// Damping lasts for so many of its time constants.
     const DECAYED: f64 = 5.0;
 
@@ -229,11 +174,14 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             brakes: false,
             stops: false,
             still: 0,
+            still_for: cycles_in(Self::STILL.0, period).max(Self::STILL.1),
             measured,
             has_begun: false,
             has_sent: false,
             origin: vec![0.0; n],
             blended: 0.0,
+            before: vec![0.0; n],
+            leaves: [0.0; 2],
             sent: vec![0.0; n],
             acting: vec![0.0; n],
             carried: vec![0.0; n],
@@ -339,17 +287,46 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         controller.hear(Some(&mut self.output), &self.sent, self.acted);
     }
 
-    /// From now on the arm is like `robot`, which becomes the one before, and `controller` says what it carries.
+    /// Whether the torque of the law is being blended in.
+    pub fn is_blending(&self) -> bool {
+        self.phase == Phase::Starting && self.has_begun
+    }
+
+    /// From now on the arm is like `robot`, which becomes the one before, and `controller` says what it carries. What that changes of what
+    /// holds an arm that is damped comes within `duration` \[s\].
     pub fn exchange_robot<const M: usize>(
         &mut self,
         robot: &mut R,
         controller: &Controller<R, D, M>,
+        duration: f64,
     ) where
         R: Manipulator<D, M> + Clone,
     {
+        let share = self.share_before();
+        self.before.iter_mut().for_each(|before| *before *= share);
+        self.add_held(1.0);
         swap(&mut self.robot, robot);
         self.is_there = false;
         controller.write_held(&mut self.carried);
+        self.add_held(-1.0);
+        self.leaves = [duration; 2];
+        self.admission.be_limited(&self.robot.limits().velocity);
+    }
+
+    /// Adds what holds the arm, so many `times`, to what the arm before held beside it.
+    fn add_held(&mut self, times: f64) {
+        if !self.admission.is_empty() {
+            self.place();
+            self.output.add_gravity(&self.robot, times, &mut self.before);
+            let carried = self.before.iter_mut().zip(&self.carried);
+            carried.for_each(|(before, carried)| *before += times * carried);
+        }
+    }
+
+    /// How much is left of what the arm before held.
+    fn share_before(&self) -> f64 {
+        let [left, whole] = self.leaves;
+        if left > 0.0 { smoothstep(left / whole) } else { 0.0 }
     }
 
     /// Lets the next command of `controller` ask for what can be sent in this cycle, after [`report`](Self::report).
@@ -401,7 +378,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         let phase = match self.phase {
             over if over.is_over() => over,
             _ if !self.stops => Phase::Damping,
-            _ if self.still >= Self::STILL => Phase::Finished,
+            _ if self.still >= self.still_for => Phase::Finished,
             _ => Phase::Stopping,
         };
         self.place();
@@ -492,22 +469,26 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     /// With so much of what the arm was known to carry, from 0 to 1: what was a push may be over.
     fn want_damping(&mut self, d: f64, known: f64) {
         self.place();
-        let Self { beside, carried, hold, .. } = self;
+        let share = self.share_before();
+        let Self { beside, carried, before, hold, .. } = self;
         let held =
             carried.iter().zip(hold.torque()).map(|(carried, hold)| known * (carried + hold));
-        beside.iter_mut().zip(held).for_each(|(out, held)| *out = held);
+        beside
+            .iter_mut()
+            .zip(held.zip(before))
+            .for_each(|(out, (held, before))| *out = held + share * *before);
         self.output.damp(&self.robot, d, &self.beside);
     }
 
     fn send_damping(&mut self, phase: Phase) -> Phase {
         (self.phase, self.blended) = (phase, 0.0);
-        self.send();
-        self.origin.copy_from_slice(self.output.sent());
-        phase
+        self.origin.copy_from_slice(&self.beside);
+        self.send()
     }
 
     fn send(&mut self) -> Phase {
         self.has_sent = true;
+        self.leaves[0] -= self.period;
         self.output.send(self.period);
         self.phase
     }
@@ -536,7 +517,14 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         if !self.has_sent {
             self.output.begin_at(&self.origin);
         }
+        self.output.add_gravity(&self.robot, -1.0, &mut self.origin);
     }
+}
+
+/// How many periods there are in a time \[s\].
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative")]
+fn cycles_in(time: f64, period: f64) -> usize {
+    (time / period).ceil() as usize
 }
 
 /// Whether these are torques that the arm can have.

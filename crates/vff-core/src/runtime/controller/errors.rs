@@ -63,8 +63,13 @@ pub enum SuccessionError {
     /// Its `command` is another one.
     #[error("command: a loop keeps what it has begun with")]
     Command,
-    /// The last succession is under way.
-    #[error("the law before is still being left")]
+    /// Its joints have other limits, in a drive of set points.
+    #[error(
+        "joint_limits and velocity_limits: set points keep those of the arm that they began with"
+    )]
+    Limits,
+    /// The last succession is under way, or the torque is still blended in.
+    #[error("the law before is still being left, or blended in")]
     Succeeding,
     /// Its observer follows what the robot does not measure.
     #[error(

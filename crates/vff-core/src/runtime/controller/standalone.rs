@@ -580,7 +580,7 @@ where
     }
 
     fn is_succeeding(&self) -> bool {
-        self.fading.as_ref().is_some_and(|fading| fading.is_left())
+        self.changes_over()
     }
 
     fn succeed(

@@ -42,6 +42,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         Ok(next)
     }
 
+    /// Whether a law is still being left, or blended in: what confines that is the program of one law, in full.
+    pub(super) fn changes_over(&self) -> bool {
+        let is_blending = self.supervisor.as_ref().is_some_and(|it| it.is_blending());
+        is_blending || self.fading.as_ref().is_some_and(|fading| fading.is_left())
+    }
+
     /// Lets `next`, which was made by [`made_like`](Self::made_like), take the place of this law within `duration` \[s\]. Whether both
     /// have the same tip.
     pub(super) fn give_way_to(
@@ -53,7 +59,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         if next.kin == USED {
             return Err(SuccessionError::Used);
         }
-        if self.left().is_some() {
+        if self.changes_over() {
             return Err(SuccessionError::Succeeding);
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
@@ -78,7 +84,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         controller.take_over(before);
         controller.keep_posture_of(before, settings.posture.is_some());
         if let Some(supervisor) = supervisor {
-            supervisor.exchange_robot(&mut fading.robots[0], controller);
+            supervisor.exchange_robot(&mut fading.robots[0], controller, duration);
         }
         fading.controller.share_cycle(2);
         let is_same = fading.begin(controller, duration);
