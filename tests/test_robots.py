@@ -364,6 +364,19 @@ def test_checks_keep_within_the_joints() -> None:
     low, high = np.asarray(PANDA.joint_limits).T
     q = checks.postures(PANDA, high - 0.01, count=50, spread=2.0, seed=3)
     assert (q <= high).all() and (q >= low).all()
+    edge = np.where(np.arange(7) == 6, high - 0.01, SCENE["q0"])
+    q = checks.postures(PANDA, edge, count=50, spread=0.6)[:, 6]
+    assert q.max() <= edge[6] and q.min() < high[6] - 0.4
+
+
+def test_checks_begin_within_the_joint_stops() -> None:
+    """A posture in degrees is told of by the joint that is farthest beyond its stop; at a stop is within."""
+    with pytest.raises(InputError, match=r"around: panda_joint4 is 132 rad or m beyond its stop; expected"):
+        checks.postures(PANDA, [0, -45, 0, -135, 0, 90, 45])
+    high = np.asarray(PANDA.joint_limits)[:, 1]
+    with pytest.raises(InputError, match=r"around: panda_joint1 is 0\.001 rad or m beyond"):
+        checks.postures(PANDA, high + 0.001 * np.eye(7)[0])
+    assert checks.postures(PANDA, high, count=3).shape == (3, 7)
 
 
 @pytest.mark.parametrize(

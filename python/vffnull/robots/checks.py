@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vffnull._support.arguments import array, positive, whole
+from vffnull._support.errors import InputError
 from vffnull.robots.identification import Identified, identify
 
 if TYPE_CHECKING:
@@ -77,15 +78,16 @@ class Comparison:
 def postures(arm: Arm, around: ArrayLike, count: int = 10, spread: float = 0.3, seed: int = 0) -> Array:
     """Some postures in which a model can be told from another, near one that is known to be safe.
 
-    They are drawn at random within `spread` of it, and within nine tenths of the joints' ranges. Nothing is
-    known of what stands around the robot: look at each before you go there, slowly.
+    They are drawn at random within `spread` of it, and within nine tenths of the joints' ranges; a joint
+    that is nearer to a stop there stays at most as near. Nothing is known of what stands around the robot:
+    look at each before you go there, slowly.
 
     Parameters
     ----------
     arm : Arm
         The model.
     around : (n,) array_like
-        The posture in the middle [rad].
+        The posture in the middle, between the joint stops [rad, m].
     count : int, optional
         How many.
     spread : float, optional
@@ -101,13 +103,17 @@ def postures(arm: Arm, around: ArrayLike, count: int = 10, spread: float = 0.3, 
     Raises
     ------
     vffnull.errors.InputError
-        If a value makes no sense.
+        If a value makes no sense, or a joint of `around` is beyond its stop.
     """
     middle = array("around", around, (arm.n,))
     count, spread = whole("count", count, 1, 10_000), positive("spread", spread)
     low, high = middle - spread, middle + spread
     if arm.joint_limits is not None:
         ends = np.asarray(arm.joint_limits)
+        beyond = np.maximum(ends[:, 0] - middle, middle - ends[:, 1])
+        if (worst := beyond.max()) > 0.0:
+            name = arm.joint_names[int(beyond.argmax())]
+            raise InputError(f"around: {name} is {worst:.3g} rad or m beyond its stop; expected rad and m")
         rim = np.where(np.isfinite(ends[:, 1] - ends[:, 0]), 0.05 * (ends[:, 1] - ends[:, 0]), 0.0)
         low, high = np.maximum(low, ends[:, 0] + rim), np.minimum(high, ends[:, 1] - rim)
         low, high = np.minimum(low, middle), np.maximum(high, middle)
