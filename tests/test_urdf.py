@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
 from strategies import random_arm
-from vffnull import Arm, _core, arms, plan, simulate
-from vffnull.errors import InputError, InputTypeError, ScenarioWarning
+from vffnull import Arm, Scenario, _core, arms, plan, simulate
+from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -303,6 +303,28 @@ def test_refusals_reach_python_as_sentences(tmp_path: Path) -> None:
     refused("'fit', 'file' or 'none'", text, collision="fitt")
     (tmp_path / "binary.urdf").write_bytes(bytes(range(256)))
     refused("no file of text in UTF-8", tmp_path / "binary.urdf")
+
+
+@pytest.mark.parametrize("name", ["tool", "mount"])
+def test_a_quaternion_of_another_length_is_refused(name: str) -> None:
+    """As that of an explicit arm: it is told of and not made one of length 1."""
+    text = without_mesh()
+    told = f"{name}.orientation: must have length 1 (within 0.01), has "
+    refused(told + str(math.sqrt(2.0)), text, **{name: {"orientation": [1, 1, 0, 0]}})
+    refused(told + "0.0", text, **{name: ([0, 0, 0.1], [0, 0, 0, 0])})
+    refused(f"{name}.orientation: must be finite", text, **{name: {"orientation": [math.nan, 0, 0, 0]}})
+    arms.read_urdf(text, collision="none", **{name: ([0, 0, 0.1], [1.005, 0, 0, 0])})
+
+
+def test_what_is_said_yes_to_is_no_text_and_a_position_no_truth() -> None:
+    text = without_mesh()
+    wrong: Any = "no"  # which Python takes for a yes
+    refused("fix_inertia: expected true or false, got str", text, fix_inertia=wrong, error=InputTypeError)
+    locked = {"elbow": True}
+    refused("locked['elbow']: expected a number, not a bool", text, locked=locked, error=InputTypeError)
+    told = "arm.urdf: fix_inertia: expected true or false, got int"
+    with pytest.raises(ScenarioError, match=told):
+        Scenario.from_dict({"arm": {"urdf": text, "fix_inertia": 1}})
 
 
 def test_a_file_of_100_mb_is_refused_unread(tmp_path: Path) -> None:

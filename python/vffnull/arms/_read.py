@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections import defaultdict
@@ -13,6 +14,7 @@ import numpy as np
 
 import vffnull._core as _core
 from vffnull._support import progress as _progress
+from vffnull._support.arguments import number
 from vffnull._support.errors import InputError, InputTypeError, ScenarioWarning
 from vffnull.arms._as_given import Item, as_given, joined, name_of
 from vffnull.arms._frames import frame, matrix
@@ -30,6 +32,8 @@ __all__ = ["Collision", "MeshReader", "Pieces", "finish", "options", "solid_of",
 
 Collision = Literal["fit", "file", "none"]
 Pieces = int | Mapping[str, int]
+UNIT_TOLERANCE = 0.01
+"""How far the length of a quaternion may be from 1, as in the core."""
 HUGE = 3.0
 """Shapes so many times as large as the arm is long, or as a metre, are taken for those in other units."""
 MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
@@ -48,13 +52,15 @@ def options(
     srdf: str | None,
 ) -> dict[str, Any]:
     """The options of the core's reader."""
+    if not isinstance(fix_inertia, bool | np.bool_):
+        raise InputTypeError(f"fix_inertia: expected true or false, got {type(fix_inertia).__name__}")
     asked: dict[str, Any] = {"tip": tip, "base": base, "fix_inertia": bool(fix_inertia), "srdf": srdf}
     if locked is not None:
         if not isinstance(locked, Mapping):
             raise InputTypeError(
                 f"locked: expected a dict from joint to position, got {type(locked).__name__}"
             )
-        asked["locked"] = {name: _number(f"locked[{name!r}]", value) for name, value in locked.items()}
+        asked["locked"] = {name: number(f"locked[{name!r}]", value) for name, value in locked.items()}
     for name, value in (("tool", tool), ("mount", mount)):
         if value is not None:
             asked[name] = _placement(name, value)
@@ -70,13 +76,6 @@ def _floats(name: str, value: Any) -> Any:
         return np.asarray(value, float)
     except (TypeError, ValueError):
         raise InputTypeError(f"{name}: expected numbers, got {type(value).__name__}") from None
-
-
-def _number(name: str, value: Any) -> float:
-    array = _floats(name, value)
-    if array.shape != ():
-        raise InputTypeError(f"{name}: expected a number, got an array of shape {array.shape}")
-    return float(array)
 
 
 def _vector(name: str, value: Any, n: int) -> list[float]:
@@ -97,7 +96,11 @@ def _placement(name: str, value: Any) -> dict[str, list[float]]:
         position, quaternion = value
     else:
         position, quaternion = value, (1, 0, 0, 0)
-    return frame(_vector(f"{name}.position", position, 3), _vector(f"{name}.orientation", quaternion, 4))
+    turned = _vector(f"{name}.orientation", quaternion, 4)
+    norm = math.hypot(*turned)
+    if abs(norm - 1.0) > UNIT_TOLERANCE:  # what the core demands of descriptions; of a `tool` it is not asked
+        raise InputError(f"{name}.orientation: must have length 1 (within {UNIT_TOLERANCE}), has {norm}")
+    return frame(_vector(f"{name}.position", position, 3), turned)
 
 
 def finish(
