@@ -17,9 +17,11 @@ import trimesh
 
 import vffnull as vff
 from vffnull.arms import _meshes, read_urdf
+from vffnull.arms._capsules import Solid, fit_solids
 from vffnull.arms._hulls import CORNERS
 from vffnull.arms.meshes import Enclosure, enclose
 from vffnull.errors import InputError
+from vffnull.model.shape import core_in_space
 from waiting import HANG
 
 PANDA = vff.Arm.named("panda")
@@ -87,6 +89,21 @@ def test_meshes_in_millimetres_are_told_of(collision: Any, tmp_path: Path) -> No
     assert not report.touching
     report = read_urdf(chain_of(' scale="0.001 0.001 0.001"', tmp_path), collision=collision)
     assert not report.touching and not any("millimetres" in each for each in report.warnings)
+
+
+@pytest.mark.parametrize("seed", [480, 874, 1042])
+def test_a_hull_that_the_core_cannot_tell_the_corners_of_is_a_capsule(seed: int) -> None:
+    """A box and a drum in one mesh: the hull with fewer corners has some that all but lie between others."""
+    rng = np.random.default_rng(seed)
+    turned = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
+    box = Solid.box("box", (0.08, 0.05, 0.2)).moved(turned, np.zeros(3))
+    turned = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
+    drum = Solid.cylinder("drum", 0.05, 0.2).moved(turned, 0.1 * rng.normal(size=3))
+    points = np.vstack([box.points, drum.points])
+    for fit in fit_solids("link", [Solid.mesh("both", points, np.zeros((0, 3), np.int64))]):
+        corners, radius = core_in_space(fit.shape)
+        assert fit.shape["kind"] in ("capsule", "convex") and len(corners) and radius >= 0.0
+        assert fit.protrusion < 1e-6
 
 
 def test_a_convex_mesh_is_its_own_hull(tmp_path: Path) -> None:

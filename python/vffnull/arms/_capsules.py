@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+import vffnull._core as _core
 from vffnull._support.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ JOINING = 0.1
 """Share of a link's volume that fewer capsules may cost: the boxes of a finger make one."""
 PROTRUSION = 1e-3
 """How far a vertex may stick out of its capsule [m] before the fit is refused."""
-WAY = 2
+WAY = 3
 """Which way of fitting this is; another one does not take the fits of this one for its own."""
 LOOSE = 2.0
 """How many times the volume of the hulls inside a capsule may have, if it wastes more than `SLIGHT`."""
@@ -492,13 +493,17 @@ class _Pair:
 
 
 def _as_hull(link: str, piece: _Piece) -> Fit | None:
-    """The hull of what a capsule fits badly, if that is smaller; balls have none."""
+    """The hull of what a capsule fits badly, if that is smaller and the core takes it; balls have none."""
     if np.any(piece.radii) or piece.hull <= 0.0:
         return None
     from vffnull.arms._hulls import Hull, simplified
 
     hull = simplified(Hull(piece.points))
     if hull.volume > piece.volume / LOOSE:
+        return None
+    try:
+        _core.hull(hull.corners)
+    except InputError:  # corners so near to each other that it cannot tell which of them are corners
         return None
     shape = {"kind": "convex", "vertices": hull.corners.tolist()}
     out = float(hull.outside(piece.points).max())
@@ -520,7 +525,8 @@ def fit_solids(link: str, solids: Iterable[Solid]) -> list[Fit]:
     list of Fit
         One capsule for each solid, two or three where that saves a third of the volume; and one for
         several solids while that makes the link no more than a tenth larger. A convex hull where a capsule
-        has more than twice the volume of what is in it, as around a plate, and wastes more than a litre.
+        has more than twice the volume of what is in it, as around a plate, and wastes more than a litre,
+        unless its corners are so near to each other that the core cannot tell which of them are corners.
 
     Raises
     ------
