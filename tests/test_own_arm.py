@@ -257,6 +257,52 @@ def test_a_scenario_for_heavy_rotors(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert usual.metrics.singular_steps > 0
 
 
+LINK = """<link name="l{i}"><inertial><origin xyz="0 0 0.15"/><mass value="2"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.003"/></inertial><collision><origin xyz="0 0 0.15"/>
+<geometry><cylinder radius="0.04" length="0.3"/></geometry></collision></link>
+<joint name="j{i}" type="{kind}"><parent link="l{before}"/><child link="l{i}"/>
+<origin xyz="0 0 {far}"/><axis xyz="{axis}"/><limit lower="-2" upper="2.3" velocity="2" effort="400"/></joint>
+"""
+
+
+def _chain(*joints: str) -> str:
+    """A URDF of links of 0.3 m; of each joint its kind, and its axis, as in ``"revolute 0 1 0"``."""
+    parts = [joint.partition(" ") for joint in joints]
+    links = [
+        LINK.format(i=i, before=i - 1, kind=kind, axis=axis, far=0.3 if i > 1 else 0.0)
+        for i, (kind, _, axis) in enumerate(parts, start=1)
+    ]
+    end = f"""<link name="tip"/><joint name="end" type="fixed"><parent link="l{len(joints)}"/>
+        <child link="tip"/><origin xyz="0.05 0 0.3"/></joint>"""
+    return "".join(['<robot name="chain"><link name="l0"/>', *links, end, "</robot>"])
+
+
+@pytest.mark.parametrize(
+    ("joints", "free"),
+    [
+        (["revolute 0 1 0"], 0),
+        (["revolute 0 1 0"] * 3, 1),
+        (["revolute 0 1 0"] * 7, 4),
+        (["revolute 0 1 0"] * 10, 7),
+        (["prismatic 1 0 0", "prismatic 0 1 0"], 0),
+        (["prismatic 1 0 0", "revolute 0 1 0", "revolute 0 1 0"], 1),
+    ],
+)
+def test_a_scenario_for_an_arm_that_cannot_move_its_tip_in_all_directions(
+    joints: list[str], free: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not taken for one near a singularity, and the joints are counted that the task leaves."""
+    monkeypatch.chdir(tmp_path)
+    Path("robot.urdf").write_text(_chain(*joints), encoding="utf-8")
+    text = _new("robot.urdf", "--tip", "tip")
+    assert "singularity" not in text
+    assert f"# leaves {free} of {len(joints)} joints free" in text
+    Path("mine.toml").write_text(text, encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        assert vff.simulate("mine.toml", {"duration": 0.1}).status == "completed"
+
+
 def test_pairs_that_always_overlap_are_told_of_in_one_sentence() -> None:
     one = _always([("a", "b")], "fit", False)
     assert one == [

@@ -32,6 +32,8 @@ COMPENSATED = 0.9
 """Share of the friction in the joints that the controller is to make up for: all of it would drive them."""
 STEP, EXPLICIT = 1e-3, 2.0
 """Control period [s], and how far friction may decay in a step of the simulation, which swings beyond."""
+ROUNDING = 1e-12
+"""Share of the most that the tip yields in some direction, below which it yields by rounding alone."""
 PUSH = 4.5
 """Force of the field at contact for each kilogram that moves [N/kg]: a gentle push."""
 
@@ -62,7 +64,7 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
     pull = 9.0 * np.diag(arm.mass_matrix(q0))  # as a spring of 3 rad/s at each joint by itself
     task = "pose" if arm.n >= 7 else "position"
     name = report.document.get("name") or report.document["tip"]
-    spare = arm.n - (6 if task == "pose" else 3)
+    yields = _yielding(arm, q0, task, reach)
     rubs = {key: np.array([joint.get(key, 0.0) for joint in report.document["joints"]]) for key in _FRICTION}
     finer = _finer(arm.mass_matrix(q0), rubs["damping"])
     lines = [
@@ -78,7 +80,7 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
         *(f"{key} = {_value(value)}" for key, value in table.items()),
         "",
         "[controller]",
-        f"task = {json.dumps(task):34} # leaves {max(spare, 0)} of {arm.n} joints free",
+        f"task = {json.dumps(task):34} # leaves {arm.n - len(yields)} of {arm.n} joints free",
         *_gains(bool(rubs["friction"].any())),
         "null_damping = 8.0                        # 1/s",
         f"posture = {_row(q0)} # rad; back to q0 when nothing is near",
@@ -87,7 +89,7 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
         f"# N at contact: {PUSH} N/kg; m: 0.3 of the reach",
         'avoidance = "cbf"                         # the tip gives way where the elbow alone cannot',
         *_compensation(rubs),
-        *_singularity(arm, q0, task, reach, mass),
+        *_singularity(yields, mass),
         "",
         "[reference]",
         'kind = "setpoint"                         # where the tip is at q0',
@@ -138,13 +140,22 @@ def _compensation(rubs: Mapping[str, Array]) -> list[str]:
     return [f"command = {{ {', '.join(given)} }} {what}"]
 
 
-def _singularity(arm: Any, q0: Sequence[float], task: str, reach: float, mass: float) -> list[str]:
-    """From where on a task is damped, for an arm whose rotors are so heavy that it always would be."""
+def _yielding(arm: Any, q0: Sequence[float], task: str, reach: float) -> Array:
+    """How much the tip yields in the directions of the task that joints move, ascending [1/kg].
+
+    Those in which no joint moves it, as out of the plane of a planar chain, are none that the task can have.
+    """
     jacobian = np.array(arm.jacobian(q0))[: 6 if task == "pose" else 3]
     jacobian[3:] *= reach / 6.0
-    least = float(np.linalg.eigvalsh(jacobian @ np.linalg.solve(arm.mass_matrix(q0), jacobian.T))[0])
+    found = np.linalg.eigvalsh(jacobian @ np.linalg.solve(arm.mass_matrix(q0), jacobian.T))
+    return np.asarray(found[found > ROUNDING * max(found[-1], 0.0)])
+
+
+def _singularity(yields: Array, mass: float) -> list[str]:
+    """From where on a task is damped, for an arm whose rotors are so heavy that it always would be."""
+    least = float(yields[0]) if len(yields) else 0.0
     share = 0.25 * least * mass
-    if 2.0 * setting({}, "controller.singularity") < 4.0 * share:
+    if share <= 0.0 or 2.0 * setting({}, "controller.singularity") < 4.0 * share:
         return []
     return [f"singularity = {f'{share:.2g}':27} # a quarter of the least of the task at q0: heavy rotors"]
 
