@@ -19,7 +19,7 @@ import vffnull as vff
 import vffnull._core as _core
 from vffnull.arms import _kept, read_urdf
 from vffnull.arms._capsules import Solid, fit_solids
-from vffnull.arms._new import INNER, TRIED, _bent
+from vffnull.arms._new import INNER, TRIED, _bent, _elbow
 from vffnull.arms._read import _always
 from vffnull.arms._touching import spread
 from vffnull.cli import _commands
@@ -301,6 +301,27 @@ def test_a_scenario_for_an_arm_that_cannot_move_its_tip_in_all_directions(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioWarning)
         assert vff.simulate("mine.toml", {"duration": 0.1}).status == "completed"
+
+
+@pytest.mark.parametrize("axes", ["z y z z", "z x z z x", "z y x z y"])
+def test_the_ball_passes_what_a_joint_can_move(
+    axes: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not the second joint where the first one only turns it: nothing could keep that clear."""
+    monkeypatch.chdir(tmp_path)
+    along = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
+    text = _chain(*(f"revolute {along[axis]}" for axis in axes.split()))
+    Path("robot.urdf").write_text(text, encoding="utf-8")
+    report = read_urdf("robot.urdf", tip="tip")
+    arm = arm_of(report.document)
+    q0 = _bent(report.document, arm)
+    elbow, _, _ = _elbow(arm, np.asarray(q0))
+    origins = arm.forward_kinematics(q0)
+    assert np.linalg.norm(origins[2:] - elbow, axis=1).min() < 1e-12
+    Path("mine.toml").write_text(_new("robot.urdf", "--tip", "tip"), encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        assert vff.simulate("mine.toml").metrics.min_clearance > 0.0
 
 
 def test_pairs_that_always_overlap_are_told_of_in_one_sentence() -> None:

@@ -34,6 +34,8 @@ STEP, EXPLICIT = 1e-3, 2.0
 """Control period [s], and how far friction may decay in a step of the simulation, which swings beyond."""
 ROUNDING = 1e-12
 """Share of the most that the tip yields in some direction, below which it yields by rounding alone."""
+NUDGE, LEVER = 1e-4, 1e-3
+"""How far each joint goes to find out what it moves [rad or m], and how far a radian moves that [m]."""
 PUSH = 4.5
 """Force of the field at contact for each kilogram that moves [N/kg]: a gentle push."""
 
@@ -56,8 +58,7 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
     arm = arm_of(report.document)
     q0 = _bent(report.document, arm)
     reach = _reach(arm)
-    origins = np.asarray(arm.forward_kinematics(q0))
-    elbow, outward, across = _elbow(origins)
+    elbow, outward, across = _elbow(arm, np.asarray(q0))
     radius, influence, speed = 0.09 * reach, 0.3 * reach, 0.25 * reach
     start = elbow + radius * outward - 3.0 * speed * across
     mass = sum(joint["mass"] for joint in report.document["joints"])
@@ -223,13 +224,19 @@ def _reach(arm: Any) -> float:
     return float(np.linalg.norm(np.diff(origins, axis=0), axis=1).sum())
 
 
-def _elbow(origins: Array) -> tuple[Array, Array, Array]:
-    """The joint that is farthest from the line from base to tip, and unit vectors away from it and across."""
+def _elbow(arm: Any, q0: Array) -> tuple[Array, Array, Array]:
+    """The joint that is farthest from the line from base to tip, and unit vectors away from it and across.
+
+    Of those that can give way alone: what stands where no joint moves it would be hit whatever the law does.
+    """
+    origins = np.asarray(arm.forward_kinematics(q0))
+    moved = np.asarray(arm.forward_kinematics(q0 + NUDGE * np.eye(arm.n)))
+    gives_way = np.linalg.norm(moved - origins, axis=2).max(axis=0) > LEVER * NUDGE
     base, tip = origins[0], origins[-1]
     along = tip - base
     along /= max(float(np.linalg.norm(along)), 1e-12)
     off = origins - base - ((origins - base) @ along)[:, None] * along
-    far = int(np.linalg.norm(off, axis=1).argmax())
+    far = int(np.where(gives_way, np.linalg.norm(off, axis=1), -1.0).argmax())
     away = float(np.linalg.norm(off[far]))
     outward = off[far] / away if away > 1e-6 else np.array([0.0, 0.0, 1.0])
     across = np.cross(along, outward)
