@@ -327,6 +327,26 @@ def test_what_is_said_yes_to_is_no_text_and_a_position_no_truth() -> None:
         Scenario.from_dict({"arm": {"urdf": text, "fix_inertia": 1}})
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("tool", 0.1, "tool: expected a position, (position, quaternion), or a dict of both, got float"),
+        ("mount", 1.2, "mount: expected a position, (position, quaternion), or a dict of both, got float"),
+        ("mount", True, "mount: expected a position, (position, quaternion), or a dict of both, got bool"),
+        ("tool", "up", "tool: expected a position, (position, quaternion), or a dict of both, got str"),
+        ("packages", 3, "packages: expected a path, a list of paths, or a dict, got int"),
+        ("packages", [1], "packages[0]: expected a path, got int"),
+        ("packages", {"a": 3}, "packages['a']: expected a path, got int"),
+    ],
+)
+def test_what_is_no_placement_and_no_folder_is_told_by_its_name(key: str, value: Any, told: str) -> None:
+    text = without_mesh()
+    assert refused(told, text, **{key: value}, error=InputTypeError) == told
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.from_dict({"arm": {"urdf": text, key: value}})
+    assert str(caught.value) == f"arm.urdf: {told}"
+
+
 def test_a_file_of_100_mb_is_refused_unread(tmp_path: Path) -> None:
     path = tmp_path / "large.urdf"
     with path.open("wb") as file:

@@ -12,10 +12,10 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._support.errors import InputError
+from vffnull._support.errors import InputError, InputTypeError
 from vffnull.arms._capsules import Solid
 
-__all__ = ["MissingMeshError", "Packages", "find", "read"]
+__all__ = ["MissingMeshError", "Packages", "check_packages", "find", "read"]
 
 Array = NDArray[Any]
 
@@ -35,6 +35,30 @@ _METRES = {"meters": 1.0, "meter": 1.0, "millimeters": 1e-3, "centimeters": 1e-2
 
 class MissingMeshError(InputError):
     """A mesh that is not where the model says; a model can be read without."""
+
+
+def check_packages(packages: object) -> None:
+    """Refuse what names no folders, before a mesh is searched in them.
+
+    Raises
+    ------
+    vffnull.errors.InputTypeError
+        If it is neither a path, nor several.
+    """
+    named: Iterable[tuple[str, object]]
+    if packages is None or isinstance(packages, (str, os.PathLike)):
+        return
+    if isinstance(packages, Mapping):
+        named = ((f"packages[{name!r}]", each) for name, each in packages.items())
+    elif isinstance(packages, Sequence):
+        named = ((f"packages[{k}]", each) for k, each in enumerate(packages))
+    else:
+        raise InputTypeError(
+            f"packages: expected a path, a list of paths, or a dict, got {type(packages).__name__}"
+        )
+    for place, each in named:
+        if not isinstance(each, (str, os.PathLike)):
+            raise InputTypeError(f"{place}: expected a path, got {type(each).__name__}")
 
 
 def find(file: str, folder: Path | None, packages: Packages | None) -> Path:

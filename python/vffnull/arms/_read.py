@@ -6,7 +6,7 @@ import math
 import sys
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -92,6 +92,9 @@ def _placement(name: str, value: Any) -> dict[str, list[float]]:
         if unknown:
             raise InputError(f"{name}: unknown key {sorted(unknown)[0]!r}; there are position, orientation")
         position, quaternion = value.get("position", (0, 0, 0)), value.get("orientation", (1, 0, 0, 0))
+    elif isinstance(value, str) or not isinstance(value, Collection):
+        expected = "a position, (position, quaternion), or a dict of both"
+        raise InputTypeError(f"{name}: expected {expected}, got {type(value).__name__}")
     elif len(value) == 2:
         position, quaternion = value
     else:

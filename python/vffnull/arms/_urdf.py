@@ -144,6 +144,7 @@ def read_urdf(
         The document, what is odd, and how tight the shapes of the links are.
     """
     text, path = text_of("urdf", urdf)
+    _meshes.check_packages(packages)
     pairs = None if srdf is None else text_of("srdf", srdf)[0]
     asked = options(tip, base, locked, tool, mount, gravity, armature, fix_inertia, pairs)
     reading = _core.read_urdf(text, asked)
