@@ -358,6 +358,18 @@ def test_a_file_of_another_ending_is_there(tmp_path: Path) -> None:
         vff.Scenario.load("paper")
 
 
+@pytest.mark.parametrize("name", ["arm.urdf", "plain", "scenario.TOML"])
+def test_a_scenario_is_saved_under_a_name_that_is_loaded(name: str, tmp_path: Path) -> None:
+    """Nothing is written over the file of an arm, which would be no scenario for its name."""
+    path = tmp_path / name
+    path.write_text("<robot/>", encoding="utf-8")
+    for given in (path, str(path)):
+        with pytest.raises(ScenarioError) as caught:
+            vff.Scenario.load("paper-1").save(given)
+        assert str(caught.value) == f"{path}: the name of a scenario file ends in .toml"
+    assert path.read_text(encoding="utf-8") == "<robot/>"
+
+
 def test_a_single_obstacle_stands_for_a_list() -> None:
     """In the constructor, in `replace` and among overrides."""
     disc = vff.Obstacle.circle([3.0, 3.0], 0.1)

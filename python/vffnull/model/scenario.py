@@ -233,7 +233,20 @@ class Scenario:
         return prepare(self, names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the scenario to a TOML file."""
+        """Write the scenario to a TOML file.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.toml``: nothing else is loaded again.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If it has another ending, as the file of an arm has, which is left as it is.
+        """
+        if not os.fspath(path).endswith(".toml"):
+            raise _misnamed(path)
         from vffnull._support.files import replacing
 
         with replacing(Path(path)) as draft:
@@ -318,7 +331,7 @@ def read(source: str | os.PathLike[str]) -> str:
     if name in bundled:
         return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
     if os.path.isfile(name):
-        raise ScenarioError(f"{shown(name)}: the name of a scenario file ends in .toml")
+        raise _misnamed(name)
     import difflib
 
     near = difflib.get_close_matches(name, bundled, n=1)
@@ -327,6 +340,10 @@ def read(source: str | os.PathLike[str]) -> str:
         f"no scenario called {shown(name[:100])!r}{hint}; bundled are {', '.join(bundled)}; "
         "the path of a file ends in .toml"
     )
+
+
+def _misnamed(path: str | os.PathLike[str]) -> ScenarioError:
+    return ScenarioError(f"{shown(path)}: the name of a scenario file ends in .toml")
 
 
 def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
