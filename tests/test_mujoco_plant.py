@@ -14,6 +14,7 @@ import pytest
 
 import vffnull as vff
 from vffnull import _core
+from vffnull.draw.report.assumptions import assumptions
 from vffnull.engines.export import to_mjcf
 from vffnull.engines.mujoco_plant import MuJoCoPlant
 from vffnull.errors import InputError, InputTypeError, ScenarioError
@@ -433,6 +434,19 @@ def test_joints_stop_where_they_stop_in_the_core() -> None:
         else:
             assert np.all(beyond > 0.01)
             same(ours, theirs)
+
+
+def test_a_report_tells_which_stops_there_were() -> None:
+    """MuJoCo's give a little, the core's do not; without any, both pass them."""
+    short = {"duration": 0.01}
+    runs = {plant: vff.simulate("panda-sweep", short, plant=plant) for plant in ("core", "mujoco")}
+    told = {plant: assumptions(run) for plant, run in runs.items()}
+    hard, soft = "Joints stop at their limits, without bouncing.", "MuJoCo's soft stops push them back."
+    assert hard in told["core"] and not any(soft in line for line in told["core"])
+    assert hard not in told["mujoco"] and sum(soft in line for line in told["mujoco"]) == 1
+    none = assumptions(vff.simulate("panda-sweep", short | {"plant.joint_stops": False}, plant="mujoco"))
+    assert "Joints pass their limits as if there were no stops." in none
+    assert not any(soft in line for line in none)
 
 
 @pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")

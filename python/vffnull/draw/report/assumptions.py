@@ -183,10 +183,12 @@ def _stops(result: Outcome, document: Mapping[str, Any]) -> Iterator[str]:
     """What becomes of a joint at the end of its range."""
     if result.scenario.arm.joint_limits is None:
         yield "Joints have no limits."
-    elif (document.get("plant") or {}).get("joint_stops", True):
+    elif not (document.get("plant") or {}).get("joint_stops", True):
+        yield "Joints pass their limits as if there were no stops."
+    elif result.plant == "core":
         yield "Joints stop at their limits, without bouncing."
     else:
-        yield "Joints pass their limits as if there were no stops."
+        yield "Joints go a little beyond their limits, from where MuJoCo's soft stops push them back."
 
 
 def _set(document: Mapping[str, Any], table: str) -> list[str]:
