@@ -91,6 +91,19 @@ def test_meshes_in_millimetres_are_told_of(collision: Any, tmp_path: Path) -> No
     assert not report.touching and not any("millimetres" in each for each in report.warnings)
 
 
+@pytest.mark.parametrize("collision", ["fit", "file"])
+def test_what_has_no_scale_is_not_told_to_have_another(collision: Any, tmp_path: Path) -> None:
+    """A cylinder in millimetres says so of itself: only meshes have a scale."""
+    path = chain_of("", tmp_path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('<mesh filename="mesh.stl"/>', '<cylinder radius="40" length="200"/>'))
+    report = read_urdf(path, collision=collision)
+    (told,) = [each for each in report.warnings if "millimetres" in each]
+    assert told.endswith("m long: lengths are read as metres; are theirs millimetres?")
+    with pytest.raises(InputError, match=r"pieces: no mesh on a link 'zz'; no link has a mesh$"):
+        read_urdf(path, collision="file", pieces={"zz": 2})
+
+
 @pytest.mark.parametrize("seed", [480, 874, 1042])
 def test_a_hull_that_the_core_cannot_tell_the_corners_of_is_a_capsule(seed: int) -> None:
     """A box and a drum in one mesh: the hull with fewer corners has some that all but lie between others."""

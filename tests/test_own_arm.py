@@ -484,3 +484,27 @@ def test_what_is_odd_about_an_arm_is_listed_once(tmp_path: Path, monkeypatch: py
         "`vffnull validate mine.toml` lists them"
     ]
     assert "no shape on" not in ran.output
+
+
+def test_studies_and_recordings_tell_what_is_odd_in_sentences(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not as Python prints its warnings, with a file and a line of the source."""
+    monkeypatch.chdir(tmp_path)
+    text = _chain("revolute 0 0 1", "revolute 0 1 0").replace(' velocity="2"', "")
+    Path("robot.urdf").write_text(text, encoding="utf-8")
+    Path("mine.toml").write_text(_new("robot.urdf"), encoding="utf-8")
+    factor = '[[factors]]\nkey = "duration"\nrange = [0.1, 0.2]\n'
+    design = '[design]\nkind = "sobol"\ncount = 2\n'
+    Path("study.toml").write_text(f'scenario = "mine.toml"\n{factor}{design}', encoding="utf-8")
+    Path("cell.mcap").touch()
+    for command in (
+        ["study", "run", "study.toml", "--dry-run"],
+        ["perceive", "cell.mcap", "--arm", "robot.urdf", "--known", "mine.toml"],
+    ):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ScenarioWarning)
+            done = CliRunner().invoke(_commands, command, standalone_mode=False)
+        assert not isinstance(done.exception, ScenarioWarning)
+        assert done.stderr.count("warning: no limit of speed for `j1`, `j2`") == 1, done.output
+        assert "ScenarioWarning" not in done.output

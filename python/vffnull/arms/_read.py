@@ -125,7 +125,8 @@ def finish(
     if fits:
         from vffnull.arms._touching import touching as pairs
 
-        huge = _huge(arm, fits, odd)
+        meshes = {item["on"] for item in geometry if item["form"]["kind"] == "mesh"}
+        huge = _huge(arm, fits, meshes, odd)
         found = [pair for pair in pairs(arm) if huge.isdisjoint(pair)]
         odd += _always(found, collision, srdf)
         touching = [] if srdf else found
@@ -149,7 +150,7 @@ def finish(
     )
 
 
-def _huge(arm: Mapping[str, Any], fits: Sequence[Fit], odd: list[str]) -> set[str]:
+def _huge(arm: Mapping[str, Any], fits: Sequence[Fit], meshes: set[str], odd: list[str]) -> set[str]:
     """Links whose shapes are far larger than the arm, which is told: for that alone their pairs overlap."""
     from vffnull.model.shape import core_in_space
 
@@ -163,9 +164,13 @@ def _huge(arm: Mapping[str, Any], fits: Sequence[Fit], odd: list[str]) -> set[st
     if huge:
         named = listed([f"`{link}`" for link in sizes if link in huge])
         largest = max(sizes.values())
+        asked = (
+            'are their meshes in millimetres? `scale="0.001 0.001 0.001"` says so'
+            if huge & meshes
+            else "lengths are read as metres; are theirs millimetres?"  # only meshes have a scale
+        )
         odd.append(
-            f"shapes of {named} are up to {largest:.3g} m large, and the arm is {reach:.3g} m long: are "
-            'their meshes in millimetres? `scale="0.001 0.001 0.001"` says so'
+            f"shapes of {named} are up to {largest:.3g} m large, and the arm is {reach:.3g} m long: {asked}"
         )
     return huge
 
@@ -258,5 +263,6 @@ def _counts(pieces: Any, collision: Collision, geometry: Sequence[Item]) -> Call
         return lambda _: pieces
     known = {item["link"] for item in geometry if item["form"]["kind"] == "mesh"}
     if collision == "file" and (strange := sorted(set(pieces) - known)):
-        raise InputError(f"pieces: no mesh on a link {strange[0]!r}; there are {', '.join(sorted(known))}")
+        there = f"there are {', '.join(sorted(known))}" if known else "no link has a mesh"
+        raise InputError(f"pieces: no mesh on a link {strange[0]!r}; {there}")
     return lambda link: pieces.get(link, 1)

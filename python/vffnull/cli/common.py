@@ -155,6 +155,15 @@ def warned() -> Iterator[list[str]]:
             messages += [str(each.message) for each in odd]
 
 
+@contextmanager
+def telling() -> Iterator[None]:
+    """The same, each of them told once, on stderr."""
+    with warned() as odd:
+        yield
+    for message in dict.fromkeys(odd):
+        say(f"warning: {message}", "yellow")
+
+
 def run_with_bar(ready: Scenario, quiet: bool, plant: str = PLANTS[0]) -> Result:
     """Run, with a progress bar on a terminal once it takes longer than a second; warnings go to stderr."""
     if quiet or not interactive():

@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 import vffnull._core as _core
 from vffnull._support.errors import InputError
 from vffnull._support.progress import bar
-from vffnull.cli.common import FAILED, FINE, assigned, can_write, echo_json, interactive, say
+from vffnull.cli.common import FAILED, FINE, assigned, can_write, echo_json, interactive, say, telling
 
 if TYPE_CHECKING:
     from vffnull.run.calibrate import CameraCalibration
@@ -104,7 +104,8 @@ def perceive(
 
     if out is not None:
         can_write(out, recording, arm_name, *(each for each in (cameras, known) if each is not None))
-    arm = _arm(arm_name)
+    with telling():
+        arm, around = _arm(arm_name), _obstacles(known)
     given = None if cameras is None else read_cameras(cameras)
     where: dict[str, Any] = {"cameras": given, "topics": topics, "base": base, "joints": joints}
     if calibrate:
@@ -120,7 +121,7 @@ def perceive(
         else:
             click.echo("\n\n".join(map(_calibrated, found)) + (f"\n\nwrote {out}" if out else ""))
         return FINE
-    given_settings, around = assigned(assignments), _obstacles(known)
+    given_settings = assigned(assignments)
     with bar(1.0, delay=1.0, counts=".0% replayed") if interactive() else nullcontext() as shown:
         report = replay.perceive(
             recording, arm, settings=given_settings, known=around, out=out, progress=shown, **where

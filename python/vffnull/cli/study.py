@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 
 import vffnull._core as _core
 from vffnull._support.errors import InputError
-from vffnull.cli.common import FINE, INTERRUPTED, echo_json, interactive, say
+from vffnull.cli.common import FINE, INTERRUPTED, echo_json, interactive, say, telling
 from vffnull.model.scenario import shown
 
 if TYPE_CHECKING:
@@ -110,7 +110,8 @@ def run(
     """
     from vffnull.studies import Study
 
-    wanted = Study.load(document, runs)
+    with telling():
+        wanted = Study.load(document, runs)
     told = (lambda _: None) if quiet or as_json else click.echo
     if dry_run or not (quiet or as_json):
         estimate = wanted.estimate()
@@ -167,7 +168,8 @@ def tune(
     from vffnull.studies import Study
 
     target = _needed(out)
-    wanted = Study.load(document)
+    with telling():
+        wanted = Study.load(document)
     try:
         tuned = wanted.tune(
             target,
