@@ -176,7 +176,9 @@ fn then((a, [margins, shares]): Certified, (b, [more, and_more]): Certified) -> 
             state[0].clone()
         }));
     }
-    points[a.times().len()] = a.last().to_vec(); // to the last bit: that makes it a rest
+    // Both to the last bit, as that makes it a rest: where a cubic ends is its last knot but for rounding.
+    let meet = a.times().len();
+    points[meet - 1..=meet].fill(a.last().to_vec());
     let times: Vec<f64> =
         a.times().iter().copied().chain(b.times().iter().map(|t| end + STEP + t)).collect();
     let whole = JointSpline::new(&times, &points).expect("one after the other");
