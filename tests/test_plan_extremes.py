@@ -49,3 +49,79 @@ def test_the_rest_before_a_straight_way_is_one_to_the_last_bit(seed: int) -> Non
         goal[joint] -= plan.q[meet][joint] - draw.uniform(-1.0, 1.0) * 1e-5
         rests += 1
     assert rests > 0
+
+
+@pytest.mark.parametrize("key", ["margin", "time", "horizon"])
+def test_settings_are_bounded_as_numbers_of_a_scenario_are(key: str) -> None:
+    for large in (1.1e100, 1e300):
+        given: dict[str, Any] = {key: large}
+        with pytest.raises(ScenarioError, match=f"{key}: must be at most 1e100"):
+            vff.plan(THREE, [-0.5, 0.2, 0.1], **given)
+    endless: dict[str, Any] = {key: np.inf}
+    with pytest.raises(InputError, match=key):
+        vff.plan(THREE, [-0.5, 0.2, 0.1], **endless)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1.0, 1e60, 1e100])
+@pytest.mark.parametrize("horizon", [1e8, 1e16, 1e20, 1e60, 1e100])
+def test_what_comes_by_within_any_horizon_is_in_the_way(speed: float, horizon: float) -> None:
+    """A disc through which the arm would have to go does not vanish where it ends far away."""
+    arm = vff.Scenario.from_dict(THREE).arm
+    place = arm.forward_kinematics([-0.1, 0.3, 0.3])[-1]
+    scene = {**THREE, "obstacles": [disc(place, [speed, 0.0])]}
+    plan = vff.plan(scene, [-0.5, 0.2, 0.1], horizon=horizon)
+    assert "blocked" in plan.status and plan.clearance < 0.0, plan.message
+    assert len(plan.message) < 300 and " inf " not in plan.message
+
+
+def test_what_goes_beyond_all_bounds_is_said_to_be_in_the_way() -> None:
+    scene = {**THREE, "obstacles": [disc([9.0, 9.0], [1e90, 0.0])]}
+    plan = vff.plan(scene, [-0.5, 0.2, 0.1], horizon=1e20)
+    assert plan.status == "start blocked"
+    said = "obstacle 0 goes farther within the horizon of 1e20 s than it can be looked for"
+    assert plan.message.startswith(said)
+    assert vff.plan(scene, [-0.5, 0.2, 0.1], horizon=0.0).status == "found"
+
+
+def crowd(count: int, slowest: float = 3.0) -> dict[str, Any]:
+    """Of discs that fly past, each at a speed of its own."""
+    discs = [disc([20.0 + 1e-3 * i, 20.0], [0.0, slowest + 1e-4 * i], 0.01) for i in range(count)]
+    return {**THREE, "obstacles": discs}
+
+
+def test_a_crowd_that_is_fast_is_looked_for_together() -> None:
+    """Which takes no longer than for one that is slower; and one of them that comes by is in the way."""
+    times = []
+    for slowest in (2.0, 3.0):
+        scene = vff.Scenario.from_dict(crowd(2000, slowest))
+        began = time.process_time()
+        assert vff.plan(scene, [0.5, 0.2, 0.1]).status == "found"
+        times.append(time.process_time() - began)
+    assert times[1] < 2.0 * times[0]
+    tip = vff.Scenario.from_dict(THREE).arm.forward_kinematics(THREE["q0"])[-1]
+    through = disc([tip[0], tip[1] - 1.0], [0.0, 4.0])
+    discs = crowd(100)["obstacles"]
+    for k in (0, 50, 100):
+        plan = vff.plan({**THREE, "obstacles": [*discs[:k], through, *discs[k:]]}, [0.5, 0.2, 0.1])
+        assert plan.status == "start blocked"
+        assert f"obstacle {k} passes within the horizon" in plan.message
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_is_heard_while_a_crowd_is_looked_for() -> None:
+    scene = vff.Scenario.from_dict(crowd(20_000))
+    sent: list[float] = []
+
+    def interrupt(delay: float) -> None:
+        time.sleep(delay)
+        sent.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    for delay in (0.2, 0.4, 0.6, 0.8):
+        thread = threading.Thread(target=interrupt, args=[delay])
+        thread.start()
+        with pytest.raises(KeyboardInterrupt):
+            while True:
+                vff.plan(scene, [0.5, 0.2, 0.1])
+        assert time.perf_counter() - sent[-1] < 2.0
+        thread.join()

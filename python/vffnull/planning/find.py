@@ -26,6 +26,7 @@ Goal = ArrayLike | Mapping[str, ArrayLike] | tuple[ArrayLike, ArrayLike]
 
 _MAX_SAMPLES = 10_000_000
 _MAX_PATHS = 1000
+_LATEST = 1e100  # [s]
 
 
 def plan(
@@ -188,7 +189,8 @@ def plan(
         if leg.status is not PlanStatus.FOUND:
             return replace(leg, message=f"goal {i + 1} of {len(aims)}: {leg.message}")
         tour = leg if tour is None else tour.then(leg, rest)  # at once: a pause may be too long for it
-        at, now = leg.q[-1].tolist(), now + leg.duration + rest
+        # No later than a plan may begin: so long a pause is refused when the next motion follows.
+        at, now = leg.q[-1].tolist(), min(now + leg.duration + rest, _LATEST)
     assert tour is not None
     return tour
 

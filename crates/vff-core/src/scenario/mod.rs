@@ -30,7 +30,7 @@ pub use json_schema::json_schema;
 pub(crate) use links_of_obstacles::known_links;
 pub(crate) use look_ahead::is_seen_ahead;
 pub(crate) use numbers::length as numbers_of;
-pub(crate) use numbers::{each, number};
+pub(crate) use numbers::{bounded, each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
 pub(crate) use prepare::unusable;
 pub use scene::{CheckReach, FromDocument, ObstacleOf, Scene};

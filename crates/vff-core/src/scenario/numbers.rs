@@ -2,7 +2,10 @@
 
 use super::error::{Problem, ScenarioError};
 use crate::math::ScalarOrVec;
-use crate::settings::{Numbers, Requirement, Table};
+use crate::settings::{FINITE, Numbers, Requirement, Table};
+
+/// No number is larger than this.
+const LARGEST: f64 = 1e100;
 
 /// Validates a number.
 pub(crate) fn number(
@@ -14,6 +17,16 @@ pub(crate) fn number(
         true => Ok(()),
         false => Err(ScenarioError::out_of_range(path, requirement.words, value)),
     }
+}
+
+/// Validates that a number is finite, and not so large that products of such numbers are not.
+pub(crate) fn bounded(path: &str, value: f64) -> Result<(), ScenarioError> {
+    number(path, value, &FINITE)?;
+    if value.abs() > LARGEST {
+        let requirement = format!("at most {LARGEST:e}");
+        return Err(ScenarioError::out_of_range(path, &requirement, value));
+    }
+    Ok(())
 }
 
 /// Validates a count.

@@ -4,7 +4,7 @@
 
 use super::error::{Problem, ScenarioError};
 use super::look_ahead;
-use super::numbers::{length, number, table};
+use super::numbers::{bounded, length, number, table};
 use super::touch::touch;
 use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
@@ -44,9 +44,7 @@ fn finite_value(value: &Value) -> Validated {
         Value::Float(x) if !x.is_finite() => {
             Err(ScenarioError::out_of_range("", "a finite number", x))
         }
-        Value::Float(x) if x.abs() > 1e100 => {
-            Err(ScenarioError::out_of_range("", "at most 1e100", x))
-        }
+        Value::Float(x) => bounded("", *x),
         Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
             interrupt::checkpoint(64);
             finite_value(value).map_err(|error| error.inside(&format!("[{i}]")))

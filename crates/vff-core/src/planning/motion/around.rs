@@ -1,12 +1,20 @@
 //! What is around an arm at the instants at which it is looked for.
 
-use crate::math::Vector;
-use crate::world::{ObstacleBoxes, ObstacleGeometry, World};
+use crate::interrupt;
+use crate::math::{Vector, sort_by_first};
+use crate::world::{HORIZON, ObstacleBoxes, ObstacleGeometry, World};
 
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
 /// The most of these places.
 const MAX_PLACES: f64 = 64.0;
+/// Of what goes too far from one place to the next for these, so many obstacles have places of their own; if there are more, those go
+/// together whose speeds differ by no more than this factor, or by its square, and so on, until there are no more groups.
+const MOST_ALONE: usize = 16;
+const ALIKE: f64 = 1.1;
+/// From this slack on \[m\], rounding is no longer far below all that matters, and this share of it is added.
+const FAR: f64 = 1e3;
+const ROUNDING: f64 = 1e-9;
 
 /// From when to when things that move are looked for \[s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +32,8 @@ pub struct Around<S: ObstacleGeometry<D>, const D: usize> {
     pub boxes: ObstacleBoxes<D>,
     /// Their numbers, before they were parted.
     pub numbers: Vec<usize>,
-    /// How far they go between two instants at which they are looked for, at most half of it \[m\].
+    /// How far they go between two instants at which they are looked for, at most half of it \[m\]; ∞ where they are too far away for
+    /// anybody to tell, so that they are in the way of everything.
     pub slack: f64,
 }
 
@@ -48,29 +57,93 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
     ) -> Vec<Self> {
         let duration = end - start;
         // Those that are looked for equally often go together, but for what goes too far from one place to the next.
-        let mut groups: Vec<(u32, f64, Vec<usize>)> = vec![];
+        let mut groups: Vec<Group> = vec![];
+        let mut fast: Vec<(f64, usize)> = vec![];
         for j in moving {
+            interrupt::checkpoint(64);
             let speed = world.top_speed(*j, [start, end], center, radius);
-            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES) as u32;
-            match groups
-                .iter_mut()
-                .find(|group| group.0 == places && f64::from(places) < MAX_PLACES)
-            {
-                Some((_, fastest, group)) => {
-                    *fastest = fastest.max(speed);
-                    group.push(*j);
+            // What is not a number is as fast as can be.
+            let speed = if speed.is_nan() { f64::INFINITY } else { speed };
+            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
+            if places >= MAX_PLACES {
+                fast.push((speed, *j));
+                continue;
+            }
+            let places = (places as u32).max(1); // of no time at an endless speed, too
+            match groups.iter_mut().find(|group| group.places == places) {
+                Some(group) => {
+                    group.fastest = group.fastest.max(speed);
+                    group.members.push(*j);
                 }
-                None => groups.push((places, speed, vec![*j])),
+                None => groups.push(Group { places, fastest: speed, members: vec![*j] }),
             }
         }
-        let places = groups.into_iter().flat_map(|(places, speed, group)| {
+        groups.extend(Group::of_fast(fast));
+        groups.sort_by_key(|group| group.members[0]);
+        let mut all = vec![];
+        for Group { places, fastest, members } in groups {
+            let alone = world.only(members.iter().copied());
             let stride = duration / f64::from(places);
-            (0..places).map(move |k| {
-                let mut there = world.only(group.iter().copied());
+            let slack = if duration > 0.0 { slack_of(0.5 * stride * fastest) } else { 0.0 };
+            for k in 0..places {
+                interrupt::checkpoint(256 * members.len());
+                let mut there = alone.clone();
                 there.update(start + stride * (f64::from(k) + 0.5));
-                Self::new(there, &group, 0.5 * stride * speed)
-            })
-        });
-        places.collect()
+                let is_known =
+                    (0..there.len()).all(|j| there.position(j).iter().all(|x| x.abs() <= HORIZON));
+                let slack = if is_known { slack } else { f64::INFINITY };
+                all.push(Self::new(there, &members, slack));
+            }
+        }
+        all
     }
+}
+
+/// Obstacles that are looked for at the same instants.
+struct Group {
+    /// How many these are.
+    places: u32,
+    /// What none of them exceeds \[m/s\].
+    fastest: f64,
+    members: Vec<usize>,
+}
+
+impl Group {
+    /// Those that go too far from one place to the next, each with its speed \[m/s\]: each by itself where they are few, as what is
+    /// added for the fastest of a group is too much for the others.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
+    fn of_fast(mut fast: Vec<(f64, usize)>) -> Vec<Self> {
+        let new = |(speed, j)| Self { places: MAX_PLACES as u32, fastest: speed, members: vec![j] };
+        if fast.len() <= MOST_ALONE {
+            return fast.into_iter().map(new).collect();
+        }
+        sort_by_first(&mut fast);
+        let mut alike = ALIKE;
+        loop {
+            let mut groups: Vec<Self> = vec![];
+            let mut slowest = 0.0;
+            for (speed, j) in &fast {
+                match groups.last_mut() {
+                    Some(group) if *speed <= slowest * alike => {
+                        group.fastest = *speed;
+                        group.members.push(*j);
+                    }
+                    _ => {
+                        slowest = *speed;
+                        groups.push(new((*speed, *j)));
+                    }
+                }
+            }
+            if groups.len() <= MOST_ALONE {
+                return groups;
+            }
+            alike *= alike;
+        }
+    }
+}
+
+/// What is looked around for obstacles that go so far at most between a place and an instant before or after it \[m\].
+fn slack_of(way: f64) -> f64 {
+    let slack = if way > FAR { way * (1.0 + ROUNDING) } else { way };
+    if slack <= HORIZON { slack } else { f64::INFINITY } // what is not a number, too
 }

@@ -306,7 +306,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         for Around { world, numbers, slack, .. } in worlds {
             let passes = *slack > 0.0; // where the horizon is 0, what moves is taken for standing still
             world.for_each_pair(robot.bodies(), |contact| {
-                let distance = contact.distance - *slack;
+                let distance = contact.distance.min(f64::MAX) - *slack;
                 if worst.is_none_or(|(least, ..)| distance < least) {
                     let number = numbers[contact.obstacle];
                     worst = Some((distance, contact.link, number, passes));

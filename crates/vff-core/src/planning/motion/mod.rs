@@ -28,7 +28,7 @@ use crate::math::{Noise, ScalarOrVec, sort_by_first, whole_turns};
 use crate::robot::Manipulator;
 use crate::robot::{Limits, Model, Robot};
 use crate::scenario::{
-    AnyScene, CheckReach, Problem, Scenario, ScenarioError, Scene, dispatch, each, number,
+    AnyScene, CheckReach, Problem, Scenario, ScenarioError, Scene, bounded, dispatch, each, number,
     numbers_of, unusable,
 };
 use crate::settings::{FINITE, NOT_NEGATIVE, POSITIVE};
@@ -101,11 +101,11 @@ fn validate(settings: &PlanSettings, n: usize, dimension: usize) -> Result<(), S
         }
     }
     number("margin", settings.margin, &NOT_NEGATIVE)?;
-    number("margin", settings.margin, &FINITE)?;
-    number("time", settings.time, &FINITE)?;
+    bounded("margin", settings.margin)?;
+    bounded("time", settings.time)?;
     if let Some(horizon) = settings.horizon {
         number("horizon", horizon, &NOT_NEGATIVE)?;
-        number("horizon", horizon, &FINITE)?;
+        bounded("horizon", horizon)?;
     }
     for (path, given) in [("approach", &settings.approach), ("retreat", &settings.retreat)] {
         match given {

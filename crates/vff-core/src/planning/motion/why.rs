@@ -2,6 +2,7 @@
 
 use super::ranges_of;
 use crate::robot::Limits;
+use crate::settings::readable;
 
 /// What keeps a configuration from being free, with the signed distance \[m\].
 #[derive(Debug, Clone, PartialEq)]
@@ -97,12 +98,17 @@ impl Obstruction {
                  where the link may touch it",
                 mm(-distance),
             ),
-            Self::Obstacle { link, obstacle, distance, .. } => format!(
+            Self::Obstacle { obstacle, distance: f64::NEG_INFINITY, .. } => format!(
+                "obstacle {obstacle} goes farther within the horizon of {:e} s than it can be looked for, and may come by anywhere; a \
+                 shorter horizon or a slower obstacle helps",
+                horizon.unwrap_or(0.0),
+            ),
+            Self::Obstacle { link, obstacle, distance, .. } => readable(&format!(
                 "obstacle {obstacle} passes within the horizon of {} s where {link} is {there}, up to {} into it; \
                  a shorter horizon or another {other} helps, a horizon of 0 takes what moves for standing still",
                 horizon.unwrap_or(0.0),
                 mm(-distance),
-            ),
+            )),
             Self::Own { links: [a, b], distance, hulls } => format!(
                 "{there} {a} is {} inside {b}; another {other} helps, or shapes nearer to the links \
                  ({}), or to `ignore` the pair where these always overlap",
