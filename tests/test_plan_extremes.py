@@ -125,3 +125,16 @@ def test_ctrl_c_is_heard_while_a_crowd_is_looked_for() -> None:
                 vff.plan(scene, [0.5, 0.2, 0.1])
         assert time.perf_counter() - sent[-1] < 2.0
         thread.join()
+
+
+@pytest.mark.parametrize("task", ["position", "pose"])
+def test_a_plan_is_a_reference_that_is_judged(task: str) -> None:
+    """A search for motions holds the tip where the joints of a plan put it."""
+    scene = vff.Scenario.load("narrow-gap")
+    plan = vff.plan(scene)
+    assert plan.status == "found"
+    more = {"controller.task": task, "duration": 1.0}
+    assert vff.feasibility(scene.replace(reference=plan.reference, **more)) == "with tip"
+    short = {**plan.reference, "points": [point[:-1] for point in plan.reference["points"]]}
+    with pytest.raises(ScenarioError, match=r"reference\.points\[0\]"):
+        vff.feasibility(scene.replace(reference=short, **more))

@@ -32,7 +32,7 @@ pub(crate) use look_ahead::is_seen_ahead;
 pub(crate) use numbers::length as numbers_of;
 pub(crate) use numbers::{bounded, each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
-pub(crate) use prepare::unusable;
+pub(crate) use prepare::{trajectory, unusable};
 pub use scene::{CheckReach, FromDocument, ObstacleOf, Scene};
 pub use space::{LoadSpec, PayloadSpec, SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use tables::WhereUnreachable;

@@ -58,6 +58,24 @@ fn joints(
     }
 }
 
+/// Where the end effector of `arm`, which is at `start` at t = 0, has to be: as a reference says, or where the joints of a plan put it.
+///
+/// # Errors
+/// If the reference does not fit the task or the arm.
+pub(crate) fn trajectory<S: CheckReach<D, M>, const D: usize, const M: usize>(
+    reference: &S::Reference,
+    arm: &Arc<S::Arm>,
+    start: &S::Pose,
+) -> Result<Trajectory<S::Pose, M>, ScenarioError> {
+    match S::Pose::plan(reference) {
+        Some(knots) => {
+            let joints = joints(knots, arm.limits(), arm.dof())?;
+            Ok(follow_plan::<S::State, D, M>(arm.state(), joints))
+        }
+        None => Trajectory::new(reference, start).map_err(|error| unusable(&error)),
+    }
+}
+
 /// Which arm, where its end effector has to be, and what is odd about that.
 type ArmAndReference<S, const D: usize, const M: usize> =
     (Arc<<S as SpaceTypes<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>, Option<String>);
@@ -124,13 +142,7 @@ impl Scenario {
         let mut state = arm.state();
         let rest = vec![0.0; arm.dof()];
         state.update(&self.q0, self.dq0.as_deref().unwrap_or(&rest));
-        let trajectory = match S::Pose::plan(&scene.reference) {
-            Some(knots) => {
-                follow_plan::<S::State, D, M>(arm.state(), joints(knots, arm.limits(), arm.dof())?)
-            }
-            None => Trajectory::new(&scene.reference, &state.pose())
-                .map_err(|error| unusable(&error))?,
-        };
+        let trajectory = trajectory::<S, D, M>(&scene.reference, &arm, &state.pose())?;
         // Joints within their limits reach where they put the end effector.
         let odd = match trajectory.joints() {
             Some(_) => None,

@@ -5,7 +5,7 @@ use crate::math::{Capsule, Vector, cross, perp};
 use crate::robot::{
     Limits, Manipulator, Model, PlanarArm, PlanarState, Robot, SpatialArm, SpatialState,
 };
-use crate::scenario::{CheckReach, FromDocument};
+use crate::scenario::CheckReach;
 use crate::simulation::{Plane, Space};
 use crate::trajectory::Guided;
 use std::sync::Arc;
@@ -120,7 +120,7 @@ impl Chain<2, 2> for PlanarChain {
 /// Which chain a search takes for the arms and tasks of a space.
 pub trait Judged<const D: usize, const M: usize>: CheckReach<D, M> {
     /// The chain.
-    type Chain: Chain<D, M, Pose: Guided<M, Reference = <Self as FromDocument<D>>::Reference>>;
+    type Chain: Chain<D, M, Pose = Self::Pose>;
 
     /// That of an arm, at q = 0.
     fn chain(arm: &Arc<Self::Arm>) -> Self::Chain;

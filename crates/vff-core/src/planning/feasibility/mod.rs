@@ -25,8 +25,7 @@ mod chain;
 mod search;
 
 use crate::robot::Model;
-use crate::scenario::{AnyScene, Scenario, ScenarioError, Scene, dispatch, unusable};
-use crate::trajectory::Trajectory;
+use crate::scenario::{AnyScene, Scenario, ScenarioError, Scene, dispatch, trajectory};
 use crate::world::World;
 use chain::{Chain, Judged};
 use search::Search;
@@ -116,8 +115,7 @@ fn assess_for<S: Judged<D, M>, const D: usize, const M: usize>(
         pieces: search::pieces(scenario.duration, scenario.q0.len())?,
         start: scenario.q0.clone(),
         length: scenario.controller.length_of(&*arm),
-        trajectory: Trajectory::new(&scene.reference, &chain.pose())
-            .map_err(|error| unusable(&error))?,
+        trajectory: trajectory::<S, D, M>(&scene.reference, &arm, &chain.pose())?,
         world,
         chain,
     };
