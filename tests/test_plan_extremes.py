@@ -138,3 +138,36 @@ def test_a_plan_is_a_reference_that_is_judged(task: str) -> None:
     short = {**plan.reference, "points": [point[:-1] for point in plan.reference["points"]]}
     with pytest.raises(ScenarioError, match=r"reference\.points\[0\]"):
         vff.feasibility(scene.replace(reference=short, **more))
+
+
+@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4])
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_joint_with_next_to_no_range_stays_in_it(width: float, share: float) -> None:
+    """What keeps the knots off the ends of a range takes no more than half of it."""
+    limits = [[0.3, 0.3 + width], [-3.0, 3.0], [-3.0, 3.0]]
+    scene = {**THREE, "arm": {**THREE["arm"], "joint_limits": limits}}
+    for seed in range(3):
+        plan = vff.plan(scene, [0.3 + share * width, -0.5, 1.0], seed=seed, margin=0.0)
+        assert plan.status == "found", plan.message
+        q, _, _ = plan.at(np.linspace(0.0, plan.duration, 1000))
+        assert (q[:, 0] >= 0.3 - 1e-12).all() and (q[:, 0] <= 0.3 + width + 1e-12).all()
+
+
+def test_what_would_let_the_end_effector_off_is_said_to_help() -> None:
+    """Where no smooth motion keeps it pointing where it has to, as where the search finds none."""
+    arm = vff.Scenario.from_dict(THREE).arm
+    before, tip = arm.forward_kinematics(THREE["q0"])[-2:]
+    seen = tip + 20.0 * (tip - before)
+    goal = np.array([0.35, 0.3, 0.5])
+    for _ in range(20):
+        before, tip = arm.forward_kinematics(goal)[-2:]
+        is_seen, should = tip - before, seen - tip
+        goal[2] += np.arctan2(is_seen[0] * should[1] - is_seen[1] * should[0], is_seen @ should)
+    looks = {"view": seen.tolist(), "view_angle": 1e-6}
+    for given, there, more in (
+        ({"tilt": 1e-6}, [-0.5, 0.6, 1.1], "a greater tilt"),
+        (looks, goal.tolist(), "a greater angle of view"),
+    ):
+        plan = vff.plan(THREE, there, **given)
+        assert plan.status == "not found" and "no smooth motion" in plan.message
+        assert plan.message.endswith(f"another seed, {more} or another margin may help")

@@ -218,14 +218,11 @@ where
                     break;
                 }
                 let found = &found[0];
-                let more = |it: &Pointing| {
-                    if it.is_view() { ", a greater angle of view" } else { ", a greater tilt" }
-                };
                 let why = format!(
                     "the search came to {:.3} rad from the goal after {all} samples; more samples, another seed{} or a smaller margin \
                      may help",
                     found.gap,
-                    self.space.pointings.iter().map(more).collect::<String>(),
+                    self.space.pointings.iter().map(Pointing::more).collect::<String>(),
                 );
                 failed = Some(Plan {
                     q: found.path.concat(),

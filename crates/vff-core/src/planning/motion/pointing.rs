@@ -128,6 +128,11 @@ impl Pointing {
         matches!(self.to, Target::At(_))
     }
 
+    /// What more of it would help where there is no motion, in the middle of a list.
+    pub fn more(&self) -> &'static str {
+        if self.is_view() { ", a greater angle of view" } else { ", a greater tilt" }
+    }
+
     /// For a search of motions from and to these, at one of which it may be off by more.
     pub fn search<R: Jointed<D>, const D: usize>(
         &mut self,

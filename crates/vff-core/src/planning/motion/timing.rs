@@ -16,12 +16,6 @@ const REFINEMENTS: u32 = 3;
 /// Instants per knot at which torques are checked.
 pub(super) const CHECKS: u32 = 4;
 
-/// Why a path is of no use that cannot be rounded, or not followed smoothly.
-fn too_tight() -> (PlanStatus, String) {
-    let why = "there is a path, and no smooth motion near it keeps half of the margin; another seed or margin may help";
-    (PlanStatus::NotFound, why.to_owned())
-}
-
 /// How many times as long a motion has to take so that a torque with these changes, of motion and of gravity, keeps a limit of how fast it
 /// changes, `least` or more: in s times the time the one is 1/s³, the other 1/s \[N·m/s\].
 fn slower([motion, gravity]: [f64; 2], limit: f64, least: f64) -> f64 {
@@ -117,7 +111,7 @@ where
     ) -> Result<Result<Certified, (PlanStatus, String)>, ScenarioError> {
         let n = self.start.len();
         let Some(curve) = Curve::round(&mut self.space, path) else {
-            return Ok(Err(too_tight()));
+            return Ok(Err(self.too_tight()));
         };
         let share = self.settings.speed;
         let [of_joints, of_tip] = self.kept.map(|kept| share.min(kept));
@@ -144,7 +138,7 @@ where
         let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
             Ok(law) => law,
             Err(Stop::Heavy(heavy)) => return Ok(Err(self.too_heavy(heavy))),
-            Err(Stop::Winding) => return Ok(Err(too_tight())),
+            Err(Stop::Winding) => return Ok(Err(self.too_tight())),
             Err(Stop::Slow(duration)) => return Err(too_slow(duration)),
         };
         let mut state = [0; 3].map(|_| vec![0.0; n]);
@@ -172,7 +166,7 @@ where
                 let times: Vec<f64> =
                     (0..=knots).map(|k| duration * f64::from(k) / f64::from(knots)).collect();
                 let Ok(spline) = JointSpline::new(&times, &points) else {
-                    return Ok(Err(too_tight()));
+                    return Ok(Err(self.too_tight()));
                 };
                 let peaks = spline.peaks();
                 let jerked = over_jerk(&peaks, &bounds);
@@ -205,6 +199,8 @@ where
                     for point in &mut points[1..last] {
                         for (i, q) in point.iter_mut().enumerate() {
                             let [lower, upper] = ranges_of(limits, i);
+                            // No more than there is, of a joint that is locked by a range of next to nothing.
+                            let inset = inset.min(0.5 * (upper - lower));
                             *q = q.max(lower + inset).min(upper - inset);
                         }
                     }
@@ -215,7 +211,17 @@ where
                 }
             }
         }
-        Ok(Err(too_tight()))
+        Ok(Err(self.too_tight()))
+    }
+
+    /// Why a path is of no use that cannot be rounded, or not followed smoothly.
+    fn too_tight(&self) -> (PlanStatus, String) {
+        let more: String = self.space.pointings.iter().map(Pointing::more).collect();
+        let another = if more.is_empty() { "" } else { " another" };
+        let why = format!(
+            "there is a path, and no smooth motion near it keeps half of the margin; another seed{more} or{another} margin may help"
+        );
+        (PlanStatus::NotFound, why)
     }
 
     /// What is said of a path on which a joint cannot hold the arm.
