@@ -156,6 +156,10 @@ fn a_successor_of_another_law_is_refused() {
     }
     let alike = controller("task = 'position'\ncommand = { gravity = 'controller' }");
     let mut next = cell.controller.copy().successor(&alike).unwrap();
+    assert_eq!(cell.controller.succeed(&mut next, 0.1), Err(SuccessionError::Succeeding));
+    for k in 1..600 {
+        cell.cycle(H * f64::from(k)); // until the torque is blended in
+    }
     assert_eq!(cell.controller.succeed(&mut next, 0.1), Ok(true));
 }
 

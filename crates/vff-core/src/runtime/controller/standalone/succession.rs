@@ -59,12 +59,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         if next.kin == USED {
             return Err(SuccessionError::Used);
         }
+        if next.kin != self.kin {
+            return Err(SuccessionError::Another);
+        }
         if self.changes_over() {
             return Err(SuccessionError::Succeeding);
         }
         self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
-        let room = if next.kin == self.kin { next.fading.take() } else { None };
-        let mut fading = room.ok_or(SuccessionError::Another)?;
+        let mut fading = next.fading.take().ok_or(SuccessionError::Another)?;
         if self.spoilt {
             self.reset();
         }
