@@ -143,7 +143,7 @@ fn no_cycle_allocates() {
     controller.place(0, 0.0, &[0.1, -0.6, 0.62], &[0.0; 3]); // frees what it was
     controller.begin(1e-3, None).unwrap();
     let count = allocations(|| {
-        for k in 0..400 {
+        for k in 0..600 {
             let t = 1e-3 * f64::from(k) - if k < 200 { 0.0 } else { 7.0 };
             let dq = if (100..110).contains(&k) { [9.0; 7] } else { [0.0; 7] };
             controller.place(0, t, &[0.1, -0.6 + 0.5 * f64::from(k % 2), 0.62], &[0.0; 3]);
