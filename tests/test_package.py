@@ -385,11 +385,11 @@ def test_metadata() -> None:
 def test_the_library_is_stripped() -> None:
     """No symbols, no line tables: they were six parts of seven. With plans, drives, contacts, the search of
     the self-motion, cameras, planes between hulls, parts of a task, plans that keep upright, stops
-    of set points, and possible futures, 10.18 MB are left.
+    of set points, possible futures, and successors that make no step, 10.21 MB are left.
     """
     library = Path(vff._core.__file__).read_bytes()
     size = len(library)
-    assert size < 10_210_000
+    assert size < 10_235_000
     if library.startswith(b"\x7fELF\x02"):
         # The names of the sections: the text of the code may contain the same words.
         (table,) = struct.unpack_from("<Q", library, 0x28)
