@@ -88,14 +88,15 @@ int main() {
     there[0] += 0.1;
     const auto gap = robot.inverse_kinematics(robot.pose(ready), there);
     if (gap[0] > 1e-6 || gap[1] > 1e-6) return 24;
-    Controller loop(robot, "task = 'pose'");
+    const std::string at_once = "task = 'pose'\ncommand = { blend_time = 0.0 }\n";
+    Controller loop(robot, at_once);
     const auto bar = loop.add_obstacle("shape = { kind = 'box', size = [0.4, 0.1, 0.1] }\nposition = [0, 0.6, 0.6]");
     loop.begin(0.001);
     if (!loop.cycle(0.0, ready, still, torque, phase)) return 25;
     const std::vector<double> turn = {0.0, 0.0, 0.0, 1.0}, rate = {0.0, 0.0, 0.5};
     if (!loop.turn_obstacle(bar, 0.0, turn, rate) || loop.turn_obstacle(bar, 0.0, turn, turn)) return 26;
     if (!loop.distances(bar, row, gradient) || !loop.distances(bar, row) || loop.distances(bar, row, row)) return 27;
-    Controller next = loop.successor(robot.with_load(1.0, {0.0, 0.0, 0.05}), "task = 'pose'\nstiffness = 30");
+    Controller next = loop.successor(robot.with_load(1.0, {0.0, 0.0, 0.05}), at_once + "stiffness = 30");
     if (!loop.succeed(next) || !loop.cycle(0.001, ready, still, torque, phase)) return 28;
     // What is empty is not given, wherever its memory is.
     std::vector<double> none(49, 1.0);

@@ -441,7 +441,7 @@ vff_status vff_controller_successor(const struct vff_controller *controller,
 // For the loop: `successor` takes the place of the law of `controller` within `duration` [s], in which the torque goes over from the one to
 // the other without a step. `successor` then has what is left, and can be freed and nothing else. Obstacles, reference and loop of
 // `controller` stay. With another tool a reference means another tip from then on; where a plan is followed, that allocates. While the
-// last succession is under way it comes to `VFF_STATUS_SUCCEEDING`.
+// last succession is under way, or the torque is blended in, it comes to `VFF_STATUS_SUCCEEDING`.
 vff_status vff_controller_succeed(struct vff_controller *controller,
                                   struct vff_controller *successor,
                                   double duration);

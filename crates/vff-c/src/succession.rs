@@ -37,7 +37,7 @@ pub unsafe extern "C" fn vff_controller_successor(
 /// For the loop: `successor` takes the place of the law of `controller` within `duration` [s], in which the torque goes over from the one to
 /// the other without a step. `successor` then has what is left, and can be freed and nothing else. Obstacles, reference and loop of
 /// `controller` stay. With another tool a reference means another tip from then on; where a plan is followed, that allocates. While the
-/// last succession is under way it comes to `VFF_STATUS_SUCCEEDING`.
+/// last succession is under way, or the torque is blended in, it comes to `VFF_STATUS_SUCCEEDING`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_succeed(
     controller: *mut Controller,
