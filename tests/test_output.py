@@ -538,16 +538,17 @@ def test_no_joint_is_thrown_beyond_its_speed_by_a_stop(rate: float | None) -> No
             assert (np.abs(dq) <= speeds).all(), (k, np.abs(dq) / speeds)
 
 
-def loop_of(arm: vff.Arm, law: dict[str, Any], period: float) -> tuple[vff.Controller, Any]:
-    """A controller in a loop, and what its torque does to the arm in a period."""
+def begun(arm: vff.Arm, law: dict[str, Any], period: float) -> vff.Controller:
+    """A controller in a loop."""
     controller = vff.Controller(arm, law, period)
     controller.begin(period)
+    return controller
 
-    def moved(q: Any, dq: Any, tau: Any) -> Any:
-        dq = dq + period * np.array(arm.forward_dynamics(q, dq, tau))
-        return q + period * dq, dq
 
-    return controller, moved
+def moved(arm: vff.Arm, period: float, q: Any, dq: Any, tau: Any) -> Any:
+    """Where a torque has an arm after a period, and how fast."""
+    dq = dq + period * np.array(arm.forward_dynamics(q, dq, tau))
+    return q + period * dq, dq
 
 
 @pytest.mark.parametrize("missed", [0, 6])
@@ -555,7 +556,7 @@ def test_what_has_braked_an_arm_does_not_throw_it_back(missed: int) -> None:
     """A joint comes to rest that was braked since it was too fast, or no states came: not behind that."""
     arm, period = vff.Arm.named("panda"), 1e-3
     law = {"task": "position", "stiffness": 100.0, "damping": 20.0, "null_damping": 8.0}
-    controller, moved = loop_of(arm, law, period)
+    controller = begun(arm, law, period)
     q, dq = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]), np.zeros(7)
     dq[0] = 1.0 if missed else 2.2 * arm.velocity_limits[0]
     phases, speeds = [], []
@@ -563,7 +564,7 @@ def test_what_has_braked_an_arm_does_not_throw_it_back(missed: int) -> None:
         state = (None, None, None) if 0 < k <= missed else (period * k, q, dq)
         tau, phase = controller.cycle(*state)
         phases.append(phase)
-        q, dq = moved(q, dq, tau)
+        q, dq = moved(arm, period, q, dq, tau)
         speeds.append(dq[0])
     assert "damping" in phases and phases[-1] == "running"
     assert min(speeds) > -0.02 and speeds[-1] < 0.1
@@ -574,12 +575,12 @@ def test_a_chain_does_not_fall_while_its_law_is_blended_in(blend: float) -> None
     """Twelve links that stand upright: the torque that held them where they were lets them fall."""
     arm, period = vff.Arm.uniform(12, length=0.12, mass=0.5, gravity=9.81), 1e-3
     law = {"stiffness": 100.0, "damping": 20.0, "null_damping": 10.0, "command": {"blend_time": blend}}
-    controller, moved = loop_of(arm, law, period)
+    controller = begun(arm, law, period)
     begin = np.array([np.pi / 2] + [0.0] * 11)
     q, dq, random = begin, np.zeros(12), np.random.default_rng(1)
     for k in range(int((blend + 0.2) / period)):
         noise = 1e-5 * random.standard_normal(12)
-        q, dq = moved(q, dq, controller.cycle(period * k, q + noise, dq)[0])
+        q, dq = moved(arm, period, q, dq, controller.cycle(period * k, q + noise, dq)[0])
         assert np.abs(q - begin).max() < 3e-3, k
 
 
@@ -588,19 +589,17 @@ def test_an_arm_stands_for_a_while_until_it_has_stopped(period: float) -> None:
     """However short a period is: a weight that nobody knows of is held by then."""
     arm = vff.Arm.uniform(3, gravity=9.81)
     heavier = vff.Arm.uniform(3, gravity=9.81, mass=1.05)
-    controller, _ = loop_of(arm, {"command": {"blend_time": 0.0}}, period)
+    controller = begun(arm, {"command": {"blend_time": 0.0}}, period)
     q, dq = np.array([0.4, 0.5, 0.6]), np.zeros(3)
     controller.stop()
     k, phase = 0, ""
     while phase != "finished":
         tau, phase = controller.cycle(period * k, q, dq)
-        dq = dq + period * np.array(heavier.forward_dynamics(q, dq, tau))
-        q, k = q + period * dq, k + 1
+        (q, dq), k = moved(heavier, period, q, dq, tau), k + 1
         assert period * k < 4.0
     assert period * k > 0.2
     for _ in range(int(0.3 / period)):  # a robot goes on with what it was sent last
-        dq = dq + period * np.array(heavier.forward_dynamics(q, dq, tau))
-        q = q + period * dq
+        q, dq = moved(heavier, period, q, dq, tau)
     assert np.abs(dq).max() < 0.1
 
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vffnull._support.arguments import array, positive, whole
-from vffnull._support.errors import InputError
-from vffnull.robots.identification import Identified, identify
+from vffnull.robots.identification import Identified, identify, keep_within_stops
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -107,13 +106,10 @@ def postures(arm: Arm, around: ArrayLike, count: int = 10, spread: float = 0.3, 
     """
     middle = array("around", around, (arm.n,))
     count, spread = whole("count", count, 1, 10_000), positive("spread", spread)
+    keep_within_stops("around", arm, middle[None])
     low, high = middle - spread, middle + spread
     if arm.joint_limits is not None:
         ends = np.asarray(arm.joint_limits)
-        beyond = np.maximum(ends[:, 0] - middle, middle - ends[:, 1])
-        if (worst := beyond.max()) > 0.0:
-            name = arm.joint_names[int(beyond.argmax())]
-            raise InputError(f"around: {name} is {worst:.3g} rad or m beyond its stop; expected rad and m")
         rim = np.where(np.isfinite(ends[:, 1] - ends[:, 0]), 0.05 * (ends[:, 1] - ends[:, 0]), 0.0)
         low, high = np.maximum(low, ends[:, 0] + rim), np.minimum(high, ends[:, 1] - rim)
         low, high = np.minimum(low, middle), np.maximum(high, middle)

@@ -172,14 +172,19 @@ def identify(
     return _found(arm, parameters, covariance, left, condition, friction)
 
 
-def _belong_together(arm: Arm, period: float, q: Array, dq: Array, size: int) -> None:
-    """Refuses positions and velocities in other units than those of the arm and of the times."""
+def keep_within_stops(argument: str, arm: Arm, q: Array, reserve: float = 0.0) -> None:
+    """Refuses positions (k, n) that are more than a reserve [rad or m] beyond the stop of a joint."""
     limits = arm.joint_limits
     low, high = (-np.inf, np.inf) if limits is None or not len(limits) else np.asarray(limits).T
     beyond = np.maximum(low - q, q - high).max(axis=0)
-    if beyond.max() > _BEYOND:
-        name, worst = arm.joint_names[int(beyond.argmax())], beyond.max()
-        raise InputError(f"q: {name} is {worst:.3g} rad or m beyond its stop; expected rad and m")
+    if (worst := beyond.max()) > reserve:
+        name = arm.joint_names[int(beyond.argmax())]
+        raise InputError(f"{argument}: {name} is {worst:.3g} rad or m beyond its stop; expected rad and m")
+
+
+def _belong_together(arm: Arm, period: float, q: Array, dq: Array, size: int) -> None:
+    """Refuses positions and velocities in other units than those of the arm and of the times."""
+    keep_within_stops("q", arm, q, _BEYOND)
     ways = q[size::size] - q[:-size:size][: len(q[size::size])]
     told = np.array([period * (0.5 * (dq[k] + dq[k + size]) + dq[k + 1 : k + size].sum(axis=0))
                      for k in range(0, size * len(ways), size)])  # fmt: skip

@@ -61,17 +61,19 @@ impl Admission {
     /// For a loop of `period` \[s\] with an arm of these velocity limits, which may be none, and `n` joints.
     pub fn new(period: f64, n: usize, velocity_limits: &[f64]) -> Self {
         let state = State { q: vec![0.0; n], dq: vec![0.0; n], cycle: 0 };
-        Self {
+        let mut created = Self {
             clock: Clock::new(period),
             period,
-            limit: (0..n).map(|i| velocity_limits.get(i).copied().unwrap_or(NO_LIMIT)).collect(),
+            limit: vec![NO_LIMIT; n],
             endless: vec![false; n],
             unwrapped: vec![0.0; n],
             is_empty: true,
             believed: state.clone(),
             doubted: state,
             confirmed: 0,
-        }
+        };
+        created.be_limited(velocity_limits);
+        created
     }
 
     /// From now on joints have these velocity limits, which may be none; one that is faster is limited to what it has.

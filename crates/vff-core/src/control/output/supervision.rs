@@ -106,8 +106,7 @@ pub struct Supervisor<R, const D: usize> {
     /// Whether there has been a state, and whether anything was sent.
     has_begun: bool,
     has_sent: bool,
-    /// What the torque is blended from beside gravity and damping, and for how long it has been \[s\].
-    origin: Vec<f64>,
+    /// For how long the torque of the law has been blended in \[s\].
     blended: f64,
     /// What the arm before held beside what this one holds, and how long it is until that is left off, of how long \[s\].
     before: Vec<f64>,
@@ -121,7 +120,7 @@ pub struct Supervisor<R, const D: usize> {
     acted: Option<f64>,
     /// What the law adds for a load that the model does not know: an arm that is damped holds it, too.
     carried: Vec<f64>,
-    /// That, and what holds it.
+    /// That, and what holds it: what has held the arm beside gravity, from which the torque of the law is blended in.
     beside: Vec<f64>,
     /// What holds an arm that is damped where it comes to rest.
     hold: Hold,
@@ -178,7 +177,6 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             measured,
             has_begun: false,
             has_sent: false,
-            origin: vec![0.0; n],
             blended: 0.0,
             before: vec![0.0; n],
             leaves: [0.0; 2],
@@ -357,7 +355,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.output.convert(controller.robot(), tau);
         if self.blended < self.blend {
             let share = smoothstep(self.blended / self.blend);
-            self.output.blend(controller.robot(), &self.origin, self.damping, share);
+            self.output.blend(controller.robot(), &self.beside, self.damping, share);
             self.confine(controller, true); // what keeps limits and distances is but a share of the law's by now
             self.blended += self.period;
             self.phase = Phase::Starting;
@@ -482,7 +480,6 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
 
     fn send_damping(&mut self, phase: Phase) -> Phase {
         (self.phase, self.blended) = (phase, 0.0);
-        self.origin.copy_from_slice(&self.beside);
         self.send()
     }
 
@@ -513,11 +510,11 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.output.damp(&self.robot, 0.0, &[]);
         let (rest, limits) = (self.output.wanted(), self.robot.limits());
         let measured = self.measured.as_deref().filter(|tau| can_be(tau, rest, limits));
-        self.origin.copy_from_slice(measured.unwrap_or(rest));
+        self.beside.copy_from_slice(measured.unwrap_or(rest));
         if !self.has_sent {
-            self.output.begin_at(&self.origin);
+            self.output.begin_at(&self.beside);
         }
-        self.output.add_gravity(&self.robot, -1.0, &mut self.origin);
+        self.output.add_gravity(&self.robot, -1.0, &mut self.beside);
     }
 }
 

@@ -543,11 +543,11 @@ pub trait ErasedController: Debug + Send {
     /// where a plan is followed it allocates.
     ///
     /// # Errors
-    /// If it is no successor of this law, or the last one has not taken over yet; then nothing has changed.
+    /// If it is no successor of this law, or the last one has not taken over yet, or is blended in; then nothing has changed.
     fn succeed(&mut self, next: &mut AnyController, duration: f64)
     -> Result<bool, SuccessionError>;
 
-    /// Whether a succession is under way.
+    /// Whether a succession is under way, or a law is blended in: another law waits for that.
     fn is_succeeding(&self) -> bool;
 
     /// The parts of the last torque, borrowed.

@@ -282,7 +282,7 @@ where
         let odd = scenario::misread_obstacle::<S, D>(&obstacle, self.reach);
         let links = self.arm.link_names();
         scenario::known_links(&obstacle, &links)?;
-        scenario::is_seen_ahead(&obstacle, self.settings.looks_ahead())?;
+        self.sees(&obstacle)?;
         let more = S::Geometry::new(&obstacle).barriers();
         self.fits(self.world.barrier_count().saturating_add(more))?;
         self.world.add(obstacle);

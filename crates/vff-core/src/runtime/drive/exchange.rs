@@ -139,8 +139,6 @@ pub struct Exchange {
     pub(super) layout: Layout,
     /// The same controller as the loop's, to try on what is sent to that.
     mirror: Mutex<AnyController>,
-    /// Whether the robot is sent set points, which keep the limits of the arm that they began with.
-    sets_points: bool,
     inbox: Mutex<Inbox>,
     news: AtomicBool,
     view: View,
@@ -162,16 +160,10 @@ impl fmt::Debug for Exchange {
 
 impl Exchange {
     /// With room for so many numbers in rows for a file.
-    pub(super) fn new(
-        controller: AnyController,
-        sets_points: bool,
-        layout: Layout,
-        room: usize,
-    ) -> Self {
+    pub(super) fn new(controller: AnyController, layout: Layout, room: usize) -> Self {
         let place = || Mutex::new(vec![f64::NAN; layout.width()]);
         Self {
             mirror: Mutex::new(controller),
-            sets_points,
             inbox: Mutex::default(),
             news: AtomicBool::new(false),
             view: View { places: [place(), place()], latest: AtomicUsize::new(0) },
@@ -299,7 +291,7 @@ impl Exchange {
         let mut mirror = lock(&self.mirror);
         let next = mirror.successor(like)?;
         let [then, now] = [&next, &*mirror].map(|law| law.limits());
-        if self.sets_points && (&then.joint, &then.velocity) != (&now.joint, &now.velocity) {
+        if mirror.sets_points() && (&then.joint, &then.velocity) != (&now.joint, &now.velocity) {
             return Err(SuccessionError::Limits);
         }
         if next.senses() && !self.measures.load(Ordering::Acquire) {

@@ -190,8 +190,7 @@ impl<D: Driver> Loop<D> {
         let layout = Layout(columns);
         let row = vec![f64::NAN; layout.width()];
         let room = if options.record_every > 0 { ROWS * row.len() } else { 0 };
-        let exchange = Exchange::new(controller.clone(), model.is_some(), layout, room);
-        let exchange = Arc::new(exchange);
+        let exchange = Arc::new(Exchange::new(controller.clone(), layout, room));
         let inner = Inner {
             model,
             paces: driver.paces(),

@@ -176,29 +176,21 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let links = self.arm.link_names();
         for (j, obstacle) in obstacles.iter().enumerate() {
             scenario::known_links(obstacle, &links)
+                .and_then(|()| self.sees(obstacle))
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
         }
-        self.sees(obstacles.len(), |j| &obstacles[j])?;
         let mut world = World::<S::Geometry, D>::new(obstacles);
         world.know_links(&links);
         self.fits(world.barrier_count())?;
         Ok(world)
     }
 
-    /// Whether the law sees so many obstacles, possible futures among them.
-    pub(super) fn sees<'a>(
+    /// Whether the law sees an obstacle, if it is a possible future.
+    pub(super) fn sees(
         &self,
-        count: usize,
-        obstacle: impl Fn(usize) -> &'a <S::Geometry as ObstacleGeometry<D>>::Obstacle,
-    ) -> Result<(), ScenarioError>
-    where
-        S::Geometry: 'a,
-    {
-        let looks_ahead = self.settings.looks_ahead();
-        (0..count).try_for_each(|j| {
-            scenario::is_seen_ahead(obstacle(j), looks_ahead)
-                .map_err(|error| error.inside(&format!("obstacles[{j}]")))
-        })
+        obstacle: &<S::Geometry as ObstacleGeometry<D>>::Obstacle,
+    ) -> Result<(), ScenarioError> {
+        scenario::is_seen_ahead(obstacle, self.settings.looks_ahead())
     }
 
     /// Whether there is room for so many distances of each link.

@@ -30,7 +30,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         // What it has been through is not of this loop.
         next.move_within(self.controller.gains().moved.as_ref());
         next.fits(self.world.barrier_count())?;
-        next.sees(self.world.len(), |j| self.world.obstacle(j))?;
+        for j in 0..self.world.len() {
+            next.sees(self.world.obstacle(j))
+                .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
+        }
         next.world = self.world.clone();
         (next.supervisor, next.spoilt, next.is_aside) = (None, false, false);
         next.kin = self.kin;
