@@ -581,6 +581,31 @@ class Still:
         self.t, self.told = self.t + 1e-3, self.told + 1
 
 
+class Turned:
+    """A Panda that paces the loop, and whose base turns whatever it is told."""
+
+    paces = True
+
+    def __init__(self) -> None:
+        self.t, self.q, self.dq = 0.0, np.array(SCENE["q0"], dtype=float), np.array([0.03] + 6 * [0.0])
+
+    def read(self) -> Any:
+        return self.t, self.q, self.dq
+
+    def write(self, command: Any, /) -> None:
+        self.t, self.q = self.t + 1e-3, self.q + 1e-3 * self.dq
+
+
+def test_an_arm_that_does_not_come_to_rest_is_a_fault() -> None:
+    with (
+        pytest.warns(RuntimeWarning, match="the arm still moved"),
+        vff.drive(Turned(), controller(), seconds=0.1) as drive,
+    ):
+        report = finished(drive)
+    assert report.status == "fault" and report.reason == "the arm still moved 5 s after it was to stop"
+    assert 5.0 < report.periods * 1e-3 < 5.2
+
+
 @pytest.mark.parametrize(("acceleration", "jerk"), [(10.0, 1000.0), (5.0, 500.0)])
 def test_barriers_know_what_set_points_can(acceleration: float, jerk: float) -> None:
     """Where a law that knows nothing of the limits leads 4 and 31 mm farther in."""

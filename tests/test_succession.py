@@ -33,8 +33,12 @@ def changed(
     *changes: tuple[float, vff.Controller],
     seconds: float = 4.0,
     arm: vff.Arm = PANDA,
+    misses: int = 0,
 ) -> Any:
-    """The rows of a drive, one a period, in which other controllers take over at these times."""
+    """The rows of a drive, one a period, in which other controllers take over at these times.
+
+    So many states are missing from there on: the one before comes again.
+    """
     drive: list[vff.Drive] = []
 
     class Told:
@@ -43,11 +47,18 @@ def changed(
         def __init__(self) -> None:
             self.robot = SimulatedRobot(scene)
             self.left = list(changes)
+            self.missing = 0
+            self.before: Any = None
 
         def read(self) -> Any:
             state = self.robot.read()
             while self.left and drive and state[0] >= self.left[0][0]:
                 drive[0].set_controller(self.left.pop(0)[1])
+                self.missing = misses
+            if self.missing:
+                self.missing -= 1
+                return self.before
+            self.before = state
             return state
 
         def write(self, command: Any, /) -> None:
@@ -101,14 +112,16 @@ def test_the_torque_makes_no_step(tmp_path: Path, other: vff.Controller) -> None
         np.testing.assert_allclose([late[f"tau_{i}"] for i in range(7)], expected.tau, atol=1e-6)
 
 
-@pytest.mark.parametrize("told", [0.1, 0.3, 0.48])
-def test_a_law_that_is_told_in_the_safe_start_waits_for_its_end(tmp_path: Path, told: float) -> None:
+@pytest.mark.parametrize(("told", "misses"), [(0.1, 0), (0.3, 0), (0.48, 0), (0.3, 2)])
+def test_a_law_that_is_told_in_the_safe_start_waits_for_its_end(
+    tmp_path: Path, told: float, misses: int
+) -> None:
     """Its barriers, with a ball within their margin, act in full on what is blended in."""
     ball = vff.Obstacle.sphere([-0.02, -0.22, 0.63], 0.05)
     field = {"field": {"kind": "bounded", "gain": 0.0, "influence": 0.1}}
     scene = vff.Scenario.from_dict(SCENE | {"controller": SETTINGS | field}).replace(obstacles=[ball])
     keeps = vff.Controller(PANDA, SETTINGS | {"avoidance": "cbf", "yielding": {"margin": 0.12}})
-    made = steps(changed(scene, tmp_path / "run.arrows", (told, keeps), seconds=1.6))
+    made = steps(changed(scene, tmp_path / "run.arrows", (told, keeps), seconds=1.6, misses=misses))
     begin = int(1e3 * told)
     assert made[begin - 2 : begin + 600].max() < 0.1 and made.max() > 1e-3
 

@@ -285,9 +285,9 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         controller.hear(Some(&mut self.output), &self.sent, self.acted);
     }
 
-    /// Whether the torque of the law is being blended in.
+    /// Whether the torque of the law is being blended in, even if a state is missing meanwhile.
     pub fn is_blending(&self) -> bool {
-        self.phase == Phase::Starting && self.has_begun
+        0.0 < self.blended && self.blended < self.blend
     }
 
     /// From now on the arm is like `robot`, which becomes the one before, and `controller` says what it carries. What that changes of what

@@ -77,6 +77,9 @@ pub enum Fault {
     /// A command was not taken.
     #[error("the robot did not take a command: {0}")]
     Write(String),
+    /// The arm did not come to rest.
+    #[error("the arm still moved {0} s after it was to stop")]
+    Moves(f64),
     /// The law came to no torque.
     #[error("the torque at this state and reference is not finite")]
     Torque,

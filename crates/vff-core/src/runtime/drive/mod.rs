@@ -450,7 +450,11 @@ impl Inner {
         #[expect(clippy::cast_precision_loss, reason = "some thousands")]
         let too_long = self.ends as f64 > LONGEST_STOP * self.options.rate;
         if too_long {
-            self.notes.push(format!("the arm still moved {LONGEST_STOP} s after it was to stop"));
+            let fault = Fault::Moves(LONGEST_STOP);
+            match self.has_failed() {
+                true => self.notes.push(fault.to_string()),
+                false => self.fail(fault),
+            }
         }
         !(phase.is_over() || too_long || self.refused >= REFUSALS)
     }
