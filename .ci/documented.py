@@ -58,6 +58,7 @@ SHORTER = {
     "cargo build -p vff-c --release": "cargo build --workspace --release --locked",
     "python benches/drive.py": "python benches/drive.py --quick",
     "python benches/friction.py": "python benches/friction.py --quick",
+    "python benches/futures.py": "python benches/futures.py 2",
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/gym.py 64 500 panda-sweep": "python benches/gym.py 8 50 panda-sweep",
     "python benches/interrupt.py": "python benches/interrupt.py --tries 21",

@@ -107,6 +107,15 @@ def test_nobody_else_sees_it(tmp_path: Path) -> None:
     assert "Obstacle 2 is a possible future with a likelihood of 0.5: seen by look-ahead alone" in told
 
 
+def test_nothing_is_let_go_for_what_may_come() -> None:
+    """Three ways of a ball that stays where it is: one through the hand, where no self-motion gives way."""
+    rests = vff.Obstacle.sphere(BEGIN, 0.08)
+    hits = [BEGIN, BEGIN, [0.3, -0.05, 0.6], [0.5, 0.7, 0.5]]
+    ways = [ball(way).with_likelihood(0.3) for way in (COMES, GOES, hits)]
+    found = vff.simulate(scene().replace(obstacles=[rests.to_dict(), *(way.to_dict() for way in ways)]))
+    assert found.status == "completed" and worst(found) < 0.01
+
+
 def test_another_engine_touches_no_future() -> None:
     """MuJoCo moves the arm as it does without it, and the model has it as a body that nothing touches."""
     pytest.importorskip("mujoco")

@@ -294,6 +294,7 @@ def test_refusals_reach_python_as_sentences(tmp_path: Path) -> None:
     refused("No such file", tmp_path / "none.urdf")
     refused("directory", tmp_path)
     refused("srdf: ", text, srdf=tmp_path)
+    refused("the SRDF is a URDF", text, srdf=text)
     refused("expected a dict", text, locked=[1], error=InputTypeError)
     refused("expected a path or text", 3, error=InputTypeError)
     refused("expected 3 numbers", text, gravity=[1])
@@ -311,7 +312,7 @@ def test_a_quaternion_of_another_length_is_refused(name: str) -> None:
     text = without_mesh()
     told = f"{name}.orientation: must have length 1 (within 0.01), has "
     refused(told + str(math.sqrt(2.0)), text, **{name: {"orientation": [1, 1, 0, 0]}})
-    refused(told + "0.0", text, **{name: ([0, 0, 0.1], [0, 0, 0, 0])})
+    refused(told + "0", text, **{name: ([0, 0, 0.1], [0, 0, 0, 0])})
     refused(f"{name}.orientation: must be finite", text, **{name: {"orientation": [math.nan, 0, 0, 0]}})
     arms.read_urdf(text, collision="none", **{name: ([0, 0, 0.1], [1.005, 0, 0, 0])})
 
@@ -333,6 +334,9 @@ def test_what_is_said_yes_to_is_no_text_and_a_position_no_truth() -> None:
         ("tool", 0.1, "tool: expected a position, (position, quaternion), or a dict of both, got float"),
         ("mount", 1.2, "mount: expected a position, (position, quaternion), or a dict of both, got float"),
         ("mount", True, "mount: expected a position, (position, quaternion), or a dict of both, got bool"),
+        ("tool", [0, 1], "tool: expected a position, (position, quaternion), or a dict of both, got list"),
+        ("tip", 3, "tip: expected the name of a link, got int"),
+        ("base", ["a"], "base: expected the name of a link, got list"),
         ("tool", "up", "tool: expected a position, (position, quaternion), or a dict of both, got str"),
         ("packages", 3, "packages: expected a path, a list of paths, or a dict, got int"),
         ("packages", [1], "packages[0]: expected a path, got int"),
@@ -345,6 +349,23 @@ def test_what_is_no_placement_and_no_folder_is_told_by_its_name(key: str, value:
     with pytest.raises(ScenarioError) as caught:
         Scenario.from_dict({"arm": {"urdf": text, key: value}})
     assert str(caught.value) == f"arm.urdf: {told}"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("ignore", 3, "arm.ignore: expected a list, got integer `3`"),
+        ("ignore", [3], "arm.ignore[0]: expected a list of 2 values, got integer `3`"),
+        ("payload", "x", 'arm.payload: expected a number, got string "x"'),
+        ("joint_limits", 3, "arm.joint_limits: expected a list, got integer `3`"),
+        ("collision", 3, "arm.collision: expected a list, got integer `3`"),
+        ("collision", [3], "arm.collision[0]: expected a table, got integer `3`"),
+    ],
+)
+def test_what_stands_beside_a_urdf_is_told_of_as_in_an_explicit_arm(key: str, value: Any, told: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.from_dict({"arm": {"urdf": without_mesh(), key: value}})
+    assert str(caught.value) == told
 
 
 def test_a_file_of_100_mb_is_refused_unread(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import warnings
 from collections import defaultdict
@@ -32,8 +31,6 @@ __all__ = ["Collision", "MeshReader", "Pieces", "finish", "options", "solid_of",
 
 Collision = Literal["fit", "file", "none"]
 Pieces = int | Mapping[str, int]
-UNIT_TOLERANCE = 0.01
-"""How far the length of a quaternion may be from 1, as in the core."""
 HUGE = 3.0
 """Shapes so many times as large as the arm is long, or as a metre, are taken for those in other units."""
 MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
@@ -54,6 +51,9 @@ def options(
     """The options of the core's reader."""
     if not isinstance(fix_inertia, bool | np.bool_):
         raise InputTypeError(f"fix_inertia: expected true or false, got {type(fix_inertia).__name__}")
+    for name, link in (("tip", tip), ("base", base)):
+        if link is not None and not isinstance(link, str):
+            raise InputTypeError(f"{name}: expected the name of a link, got {type(link).__name__}")
     asked: dict[str, Any] = {"tip": tip, "base": base, "fix_inertia": bool(fix_inertia), "srdf": srdf}
     if locked is not None:
         if not isinstance(locked, Mapping):
@@ -92,7 +92,7 @@ def _placement(name: str, value: Any) -> dict[str, list[float]]:
         if unknown:
             raise InputError(f"{name}: unknown key {sorted(unknown)[0]!r}; there are position, orientation")
         position, quaternion = value.get("position", (0, 0, 0)), value.get("orientation", (1, 0, 0, 0))
-    elif isinstance(value, str) or not isinstance(value, Collection):
+    elif isinstance(value, str) or not isinstance(value, Collection) or _is_two_numbers(value):
         expected = "a position, (position, quaternion), or a dict of both"
         raise InputTypeError(f"{name}: expected {expected}, got {type(value).__name__}")
     elif len(value) == 2:
@@ -100,10 +100,11 @@ def _placement(name: str, value: Any) -> dict[str, list[float]]:
     else:
         position, quaternion = value, (1, 0, 0, 0)
     turned = _vector(f"{name}.orientation", quaternion, 4)
-    norm = math.hypot(*turned)
-    if abs(norm - 1.0) > UNIT_TOLERANCE:  # what the core demands of descriptions; of a `tool` it is not asked
-        raise InputError(f"{name}.orientation: must have length 1 (within {UNIT_TOLERANCE}), has {norm}")
     return frame(_vector(f"{name}.position", position, 3), turned)
+
+
+def _is_two_numbers(value: Collection[Any]) -> bool:
+    return len(value) == 2 and all(isinstance(each, int | float) for each in value)
 
 
 def finish(

@@ -25,11 +25,11 @@ _READ = (
 
 _FILES = ("urdf", "mjcf")
 
-_CHANGED = ("name", "payload", "reach", "joint_limits", "velocity_limits", "torque_limits", "ignore")
-"""What replaces what was read, or is added to it."""
-
-_ADDED = ("load",)
-"""What stays beside it: the core adds it."""
+_CHANGED = (
+    *("name", "payload", "reach", "load"),
+    *("joint_limits", "velocity_limits", "torque_limits", "ignore"),
+)
+"""What replaces what was read, or is added to it: the core checks it."""
 
 
 def anchored(document: Document, folder: Path) -> Document:
@@ -93,7 +93,7 @@ def _read(arm: Mapping[str, Any]) -> Document:
                 f"arm.{key}: the {kind.upper()} says which arm it is: give `{kind}` or `{key}`", f"arm.{key}"
             )
     reads = tuple(key for key in _READ if kind == "urdf" or key != "packages")
-    known = (kind, "collision", *reads, *_CHANGED, *_ADDED)
+    known = (kind, "collision", *reads, *_CHANGED)
     if strange := sorted(set(arm) - set(known)):
         allowed = ", ".join(f"`{key}`" for key in known)
         raise ScenarioError(f"arm: unknown key `{strange[0]}` beside `{kind}`; allowed: {allowed}", "arm")
@@ -106,8 +106,9 @@ def _read(arm: Mapping[str, Any]) -> Document:
         changes = {key: arm[key] for key in _CHANGED if key in arm}
         if not isinstance(shapes, str):
             changes["collision"] = shapes
-        changes["ignore"] = [*found.get("ignore", []), *changes.get("ignore", [])]
-        return _core.check_arm(found | changes) | {key: arm[key] for key in _ADDED if key in arm}
+        if isinstance(more := changes.get("ignore"), list | tuple):
+            changes["ignore"] = [*found.get("ignore", []), *more]
+        return found | changes
     except (InputError, InputTypeError) as error:
         text = str(error).removeprefix(f"{kind}: ").replace("use from_mjcf", "`[arm] mjcf = …` reads it")
         raise ScenarioError(f"arm.{kind}: {text}", f"arm.{kind}") from None

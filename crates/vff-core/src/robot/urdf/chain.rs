@@ -6,6 +6,7 @@ use super::super::inertia::{six, tensor};
 use super::super::names::list;
 use super::UrdfError;
 use super::index::Index;
+use super::parse::unit;
 use super::role::Role;
 use super::srdf::disabled_pairs;
 use super::tree::{Geometry, Kind, Link, Tree, TreeJoint};
@@ -167,6 +168,9 @@ impl Tree {
                 let requirement = "0, for the joint is fixed";
                 return Err(UrdfError::OutOfRange { place, requirement, given: value });
             }
+        }
+        for (name, frame) in [("tool", &options.tool), ("mount", &options.mount)] {
+            unit(&mut frame.orientation.clone(), format!("{name}.orientation"))?;
         }
         let drives = |&joint: &usize| {
             let joint = &self.joints[joint];

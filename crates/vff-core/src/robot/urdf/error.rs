@@ -63,6 +63,9 @@ pub enum UrdfError {
         /// Name of the root element.
         found: String,
     },
+    /// A robot where its pairs of links are expected.
+    #[error("the SRDF is a URDF: it has links of its own")]
+    NotAnSrdf,
     /// Unexpanded macros.
     #[error(
         "{place}: `{text}` is a xacro expression; expand the file first: xacro FILE > robot.urdf"

@@ -216,7 +216,8 @@ fn needed_number(
     })
 }
 
-fn unit<const N: usize>(values: &mut [f64; N], place: String) -> Result<(), UrdfError> {
+/// Normalises what is nearly of length 1.
+pub(super) fn unit<const N: usize>(values: &mut [f64; N], place: String) -> Result<(), UrdfError> {
     description_error::unit(values).map_err(|problem| match problem {
         DescriptionProblem::NotUnit(norm) => UrdfError::NotUnit { place, norm },
         _ => UrdfError::OutOfRange { place, requirement: "finite", given: f64::NAN },

@@ -9,7 +9,11 @@ use super::{UrdfError, Xml};
 /// [`UrdfError`] for text that is no SRDF.
 pub fn disabled_pairs(text: &str) -> Result<Vec<[String; 2]>, UrdfError> {
     let document = document(Xml::Srdf, text)?;
-    let pairs = robot(&document)?.children().filter(|n| n.has_tag_name("disable_collisions"));
+    let robot = robot(&document)?;
+    if robot.children().any(|n| n.has_tag_name("link")) {
+        return Err(UrdfError::NotAnSrdf);
+    }
+    let pairs = robot.children().filter(|n| n.has_tag_name("disable_collisions"));
     let pair = |(i, node): (usize, roxmltree::Node<'_, '_>)| {
         let link = |key| {
             let place = format!("<disable_collisions> {}", i + 1);

@@ -106,8 +106,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     pub fn new(robot: &R, gains: &Gains<M>, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
         let rollout = Rollout::new(robot, &gains.yielding, settings, gains.metric::<D>());
+        // Where the self-motion is searched, that prepares for what may come, and nothing is let go for it.
+        let chance = settings.self_motion.as_ref().map_or(settings.chance, |_| f64::MAX);
         Self {
-            settings: settings.clone(),
+            settings: PreviewSettings { chance, ..settings.clone() },
             margin: gains.yielding.margin,
             seed: gains.seed,
             noise: Noise::new(gains.seed, STREAM),

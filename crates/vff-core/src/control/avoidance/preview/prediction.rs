@@ -88,6 +88,9 @@ pub trait Prediction<const D: usize> {
         found: &mut Vec<usize>,
     );
 
+    /// Whether an obstacle is a possible future, which nobody meets before it comes true.
+    fn may_come(&self, obstacle: usize) -> bool;
+
     /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity, or as it
     /// is foreseen: the nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
     fn predict(
@@ -152,6 +155,10 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
             }
         });
         found.retain(|j| self.likelihood_up_to(*j) > chance);
+    }
+
+    fn may_come(&self, obstacle: usize) -> bool {
+        self.likelihood_up_to(obstacle).is_finite()
     }
 
     fn predict(

@@ -5,6 +5,7 @@
 //! interpolated.
 
 use super::super::prediction::{Near, Prediction};
+use super::cost::Cost;
 use super::task_projection::TaskProjection;
 use crate::control::metric::TaskMetric;
 use crate::control::{SelfMotionSettings, Yielding};
@@ -40,6 +41,8 @@ pub struct Around<'a, const D: usize> {
     pub surroundings: &'a dyn Prediction<D>,
     /// How long ago the search began \[s\].
     pub ago: f64,
+    /// What distances cost.
+    pub cost: Cost,
 }
 
 /// Postures by place and knot, and distances by place and instant.
@@ -67,11 +70,16 @@ pub struct Grid<R: Manipulator<D, M>, const D: usize, const M: usize> {
     exists: Vec<bool>,
     /// Of every place and instant the smallest distance, as far as it matters \[m\]; NaN where none was measured.
     distances: Vec<f64>,
+    /// What a second costs there by what may come, and how near each of that is at an instant \[m\].
+    risks: Vec<f64>,
+    possible: Vec<f64>,
     /// The direction in which the self-motion goes on.
     heading: Vec<f64>,
     first_heading: Vec<f64>,
     q: Vec<f64>,
+    /// Those that are near, and how many of them, the first ones, are there; the others may come.
     obstacles: Vec<usize>,
+    there: usize,
     /// What futures that are left out may come true with.
     chance: f64,
     pairs: Vec<Pair>,
@@ -109,10 +117,13 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
             postures: vec![0.0; knots * places * n],
             exists: vec![false; knots * places],
             distances: vec![f64::NAN; places * instants],
+            risks: vec![0.0; places * instants],
+            possible: vec![],
             heading: vec![0.0; n],
             first_heading: vec![0.0; n],
             q: vec![0.0; n],
             obstacles: vec![],
+            there: 0,
             chance: yielding.preview.as_ref().map_or(0.0, |preview| preview.chance),
             pairs: vec![],
             bodies: robot.bodies().map(|body| body.enclosing()).collect(),
@@ -123,6 +134,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
     /// Makes room for so many more obstacles.
     pub fn reserve(&mut self, count: usize) {
         self.obstacles.reserve(count);
+        self.possible.reserve(count);
         self.pairs.reserve(count * self.bodies.len());
     }
 
@@ -165,11 +177,13 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         surroundings: &mut dyn Prediction<D>,
         pose: &dyn Fn(f64) -> R::Pose,
     ) -> bool {
-        let Self { poses, instants, step, metric, bodies, obstacles, chance, .. } = self;
+        let Self { poses, instants, step, metric, bodies, obstacles, there, chance, .. } = self;
         obstacles.clear();
         obstacles.reserve(surroundings.count());
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
         surroundings.obstacles_near(bodies, REACH, *chance, obstacles);
+        obstacles.sort_by_key(|j| surroundings.may_come(*j));
+        *there = obstacles.partition_point(|j| !surroundings.may_come(*j));
         self.pairs.clear();
         self.pairs.reserve(self.obstacles.len() * self.bodies.len());
         poses.clear();
@@ -181,6 +195,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         }
         self.exists.fill(false);
         self.distances.fill(f64::NAN);
+        self.risks.fill(0.0);
         self.q.copy_from_slice(robot.configuration());
         self.place(self.half)
             && self.projection.direction(&self.scout, &mut self.first_heading)
@@ -294,6 +309,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         self.distances[place * self.instants + k]
     }
 
+    /// What a second costs at `place` at instant `k` by what may come.
+    pub fn risk(&self, place: usize, k: usize) -> f64 {
+        self.risks[place * self.instants + k]
+    }
+
     /// Measures the distances of `place` at the instants from `first` on.
     #[expect(clippy::cast_precision_loss, reason = "few instants")]
     pub fn measure(&mut self, place: usize, first: usize, around: &Around<'_, D>) {
@@ -311,15 +331,18 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
                 self.scout.update_positions(&q);
             }
             interrupt::checkpoint(2 * pairs.len() + 8 * self.n);
-            let Self { scout, bodies, obstacles, unused, clearance, usual, step, .. } = self;
+            let Self { scout, bodies, obstacles, there, possible, .. } = self;
+            let Self { unused, clearance, usual, step, .. } = self;
             let after = *step * k as f64 - around.ago;
             let mut least = f64::INFINITY;
+            possible.clear();
+            possible.resize(obstacles.len() - *there, f64::INFINITY);
             let mut remaining = pairs.iter_mut();
             for (b, before) in bodies.iter_mut().enumerate() {
                 let body = scout.body(b);
                 let way = if moves && k > first { way(&body, before) } else { 0.0 };
                 *before = body.enclosing();
-                for (&j, pair) in obstacles.iter().zip(&mut remaining) {
+                for ((number, &j), pair) in obstacles.iter().enumerate().zip(&mut remaining) {
                     pair.room -= way + pair.drift;
                     if pair.room > 0.0 {
                         continue;
@@ -328,16 +351,24 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
                         let limits = [*clearance, *usual];
                         *pair = measured(&body, b, j, after, limits, *step, around, unused);
                     }
-                    least = least.min(pair.distance);
+                    let nearest = match number.checked_sub(*there) {
+                        None => &mut least,
+                        Some(number) => &mut possible[number],
+                    };
+                    *nearest = nearest.min(pair.distance);
                 }
             }
             self.distances[place * self.instants + k] = least;
+            let risks =
+                self.possible.iter().map(|distance| around.cost.of_what_may_come(*distance));
+            self.risks[place * self.instants + k] = risks.sum();
         }
         (self.q, self.pairs) = (q, pairs);
     }
 
     /// Leaves out obstacles that do not exist any longer.
     pub fn forget(&mut self, count: usize) {
+        self.there = self.obstacles[..self.there].iter().filter(|j| **j < count).count();
         self.obstacles.retain(|j| *j < count);
     }
 }
@@ -519,7 +550,8 @@ mod tests {
         (1..=counts[1]).for_each(|count| assert!(grid.go_on(count, true)));
         let mut near = 0;
         for place in [grid.half, grid.half + 3, grid.half + counts[1]] {
-            grid.measure(place, 0, &Around { surroundings: &world, ago: 0.0 });
+            let cost = Cost { margin: 0.01, clearance: 0.1 };
+            grid.measure(place, 0, &Around { surroundings: &world, ago: 0.0, cost });
             for k in (0..=30).filter(|k| grid.exists(place, *k)) {
                 scout.update_positions(&posture(&grid, place, k));
                 let error =

@@ -3,11 +3,13 @@
 //!
 //! - `task_projection`: onto the task by Newton's method, and along it.
 //! - `grid`: the postures along the self-motion, now and later, and their distances to the predicted obstacles.
+//! - `cost`: what a path costs by these.
 //! - `cheapest_path`: dynamic programming on that grid.
 //! - `search`: how this is spread over control cycles, and what is followed.
 //! - `map`: what of it can be looked at.
 
 mod cheapest_path;
+mod cost;
 mod grid;
 mod map;
 mod search;

@@ -7,6 +7,7 @@ use super::super::due;
 use super::super::prediction::Prediction;
 use super::super::rollout::RATE;
 use super::cheapest_path::{CheapestPath, Passage};
+use super::cost::{Cost, ENDING};
 use super::grid::{Around, Grid};
 use super::map::SelfMotionMap;
 use crate::control::deadline::Budget;
@@ -15,11 +16,6 @@ use crate::interrupt;
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 
-/// What a second costs in which a distance is below the margin; a second at the margin costs 1. No path leads where less than
-/// this share of the margin is left, and each second that a path does not reach costs this.
-const BREACH: f64 = 10.0;
-const PASSED: f64 = 0.25;
-const ENDING: f64 = 100.0;
 /// What a second costs at 1 rad/s along the self-motion, squared.
 const GOING: f64 = 0.02;
 /// What a second costs 1 rad away from the posture that is wanted, squared.
@@ -61,9 +57,8 @@ pub struct SelfMotion<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// How many units of work are done, of how many.
     done: usize,
     units: usize,
-    /// The margin, the distance above which none is better \[m\], and how many instants must be clear.
-    margin: f64,
-    clearance: f64,
+    /// What distances cost, and how many instants must be clear.
+    cost: Cost,
     soon: usize,
     /// The posture that is wanted \[rad\], and the cost of each place because of it.
     wanted: Vec<f64>,
@@ -85,8 +80,7 @@ pub struct SelfMotion<R: Manipulator<D, M>, const D: usize, const M: usize> {
 /// What the dynamic programming sees of a search.
 struct View<'a, R: Manipulator<D, M>, const D: usize, const M: usize> {
     grid: &'a Grid<R, D, M>,
-    margin: f64,
-    clearance: f64,
+    cost: Cost,
     away: &'a [f64],
 }
 
@@ -95,13 +89,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for V
         if !self.grid.exists(place, k) {
             return f64::INFINITY;
         }
-        let distance = self.grid.distance(place, k);
-        let near = ((self.clearance - distance) / (self.clearance - self.margin)).max(0.0);
-        if distance < PASSED * self.margin {
-            return f64::INFINITY;
-        }
-        let breach = if distance < self.margin { BREACH } else { 0.0 };
-        self.grid.step() * (near * near + breach + self.away[place])
+        let of_distance = self.cost.of_what_is_there(self.grid.distance(place, k));
+        self.grid.step() * (of_distance + self.grid.risk(place, k) + self.away[place])
     }
 
     fn cost_of_ending(&self) -> f64 {
@@ -148,8 +137,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             done: 0,
             // Each side has an end, too.
             units: places + 2 + settings.steps,
-            margin: gains.yielding.margin,
-            clearance: settings.clearance.max(gains.yielding.margin + 1e-3),
+            cost: Cost {
+                margin: gains.yielding.margin,
+                clearance: settings.clearance.max(gains.yielding.margin + 1e-3),
+            },
             soon: ((trigger / grid.step()).ceil() as usize).min(settings.steps),
             wanted: vec![],
             away: vec![0.0; places],
@@ -208,7 +199,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
 
     /// Whether that keeps the margin for the time in which it has to.
     pub fn is_clear(&self) -> bool {
-        self.follows && self.path.distance >= self.margin
+        self.follows && self.path.distance >= self.cost.margin
     }
 
     /// Does what is due of the search as far as there is time for it; `reference(s)` is that in s seconds, and paths begin at the joint
@@ -271,7 +262,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         self.measure(middle, 0, surroundings);
         let instants = self.places.len();
         // No posture is not near.
-        if !(0..instants).any(|k| self.grid.distance(middle, k) < self.clearance) {
+        let is_near = |k| {
+            self.grid.distance(middle, k) < self.cost.clearance || self.grid.risk(middle, k) > 0.0
+        };
+        if !(0..instants).any(is_near) {
             self.find_nothing();
             return;
         }
@@ -279,8 +273,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     }
 
     fn measure(&mut self, place: usize, first: usize, surroundings: &dyn Prediction<D>) {
-        let Self { grid, wanted, away, elapsed, .. } = self;
-        grid.measure(place, first, &Around { surroundings, ago: *elapsed });
+        let Self { grid, wanted, away, elapsed, cost, .. } = self;
+        grid.measure(place, first, &Around { surroundings, ago: *elapsed, cost: *cost });
         let far = |(i, q): (usize, &f64)| (grid.joint(place, 0, i) - q).powi(2);
         away[place] = AWAY * wanted.iter().enumerate().map(far).sum::<f64>();
     }
@@ -306,9 +300,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             }
             Stage::Instants { done } => {
                 interrupt::checkpoint(4 * self.grid.places());
-                let Self { cheapest, grid, margin, clearance, away, .. } = self;
-                let (margin, clearance) = (*margin, *clearance);
-                cheapest.advance(&View { grid, margin, clearance, away });
+                let Self { cheapest, grid, cost, away, .. } = self;
+                cheapest.advance(&View { grid, cost: *cost, away });
                 self.stage = Stage::Instants { done: done + 1 };
                 if done + 2 == self.places.len() {
                     self.finish();
@@ -360,7 +353,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
 
     /// What the last search has found; None while nothing comes near. Allocates.
     pub fn map(&self) -> Option<SelfMotionMap> {
-        let Self { grid, found, places, path, margin, clearance, .. } = self;
+        let Self { grid, found, places, path, cost, .. } = self;
         self.has_found.then(|| SelfMotionMap {
             places: grid.places(),
             spacing: grid.spacing(),
@@ -369,8 +362,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             elapsed: path.elapsed,
             distances: found.clone(),
             path: if self.follows { places.clone() } else { vec![] },
-            margin: *margin,
-            clearance: *clearance,
+            margin: cost.margin,
+            clearance: cost.clearance,
         })
     }
 
@@ -450,8 +443,8 @@ mod tests {
         let at = |place: usize, k: usize| map.distances[place * map.instants + k];
         let kept: Vec<f64> = map.path.iter().enumerate().map(|(k, place)| at(*place, k)).collect();
         let least = |kept: &[f64]| kept.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(least(&kept[..=through.soon]) >= through.margin, "{kept:?}");
-        assert!(least(&kept) >= PASSED * through.margin, "{kept:?}");
+        assert!(least(&kept[..=through.soon]) >= through.cost.margin, "{kept:?}");
+        assert!(least(&kept) >= through.cost.passed(), "{kept:?}");
         let stays = (0..map.instants).map(|k| at(through.grid.middle(), k));
         assert!(stays.fold(f64::INFINITY, f64::min) < 0.0);
         let mut search = through;
