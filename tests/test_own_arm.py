@@ -508,3 +508,21 @@ def test_studies_and_recordings_tell_what_is_odd_in_sentences(
         assert not isinstance(done.exception, ScenarioWarning)
         assert done.stderr.count("warning: no limit of speed for `j1`, `j2`") == 1, done.output
         assert "ScenarioWarning" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("arm", "tip", "said"),
+    [
+        ("robot.urdf", "hand", "tip: there is no link `hand`"),
+        ("panda", "panda_link7", "--tip belongs to the file of an arm; panda says where its arm ends"),
+    ],
+)
+def test_a_recording_is_replayed_with_a_tip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arm: str, tip: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("robot.urdf").write_text(_chain("revolute 0 0 1", "revolute 0 1 0"), encoding="utf-8")
+    Path("cell.mcap").touch()
+    command = ["perceive", "cell.mcap", "--arm", arm, "--tip", tip]
+    done = CliRunner().invoke(_commands, command, standalone_mode=False)
+    assert said in str(done.exception)

@@ -259,6 +259,7 @@ def camera(**changed: Any) -> dict[str, Any]:
         (lambda: perceiver().see(np.ones((240, 320), np.uint8), 0.0), "depth: expected uint16, .* got uint8"),
         (lambda: perceiver().see(np.full((240, 320), 1000, object), 0.0), "expected uint16, .* got int64"),
         (lambda: perceiver().see(np.ma.ones((240, 320), np.uint16), 0.0), "depth: .* got a masked array"),
+        (lambda: vff.Perceiver(ARM, [CAMERA], known=3), "known: expected a sequence of obstacles, got int"),
         (
             lambda: vff.Perceiver(ARM, [CAMERA], known=[TABLE, MOVES]),
             r"known\[1\]: moves, and what is known is left out",

@@ -92,9 +92,12 @@ pub fn read_pose(given: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
 }
 
 /// The obstacles of a call.
-pub fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let sentence = "obstacles: expected a sequence of obstacles";
-    let fault = |error| instead(obstacles, error, || wrong_type(sentence, obstacles));
+pub fn sequence<'py>(
+    name: &str,
+    obstacles: &Bound<'py, PyAny>,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let sentence = format!("{name}: expected a sequence of obstacles");
+    let fault = |error| instead(obstacles, error, || wrong_type(&sentence, obstacles));
     obstacles.try_iter().map_err(fault)?.collect()
 }
 

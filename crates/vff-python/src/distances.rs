@@ -126,7 +126,7 @@ pub fn distances(
             }
         }
     };
-    let given = sequence(obstacles)?;
+    let given = sequence("obstacles", obstacles)?;
     let nothing = arm.arm.no_obstacles();
     let read = read_obstacles(nothing, &given, AnyObstacles::read)?;
     let states = batch.unwrap_or(1);

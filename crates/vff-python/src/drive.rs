@@ -388,8 +388,11 @@ impl DriveLoop {
         if let Some(t) = t.filter(|t| !t.is_finite()) {
             return Err(InputError::new_err(format!("t must be finite, got {t}")));
         }
-        let read =
-            read_obstacles(self.nothing.clone(), &sequence(obstacles)?, AnyObstacles::read_seen)?;
+        let read = read_obstacles(
+            self.nothing.clone(),
+            &sequence("obstacles", obstacles)?,
+            AnyObstacles::read_seen,
+        )?;
         let done = py.detach(|| self.exchange.surround(read, t));
         done.map_err(|error| errors::scenario(&error))
     }

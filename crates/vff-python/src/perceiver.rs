@@ -271,7 +271,7 @@ impl Perceiver {
             .map(|(number, camera)| eye(number, &camera?))
             .collect::<PyResult<_>>()?;
         let settings = settings.map_or_else(|| Ok(PerceiverSettings::default()), read_settings)?;
-        let known = known.map(sequence).transpose()?.unwrap_or_default();
+        let known = known.map(|known| sequence("known", known)).transpose()?.unwrap_or_default();
         let nothing = AnyObstacles::Space(vec![]);
         let AnyObstacles::Space(known) =
             read_obstacles_of("known", nothing, &known, AnyObstacles::read)?

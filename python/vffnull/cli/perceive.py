@@ -42,6 +42,7 @@ def _names(_context: click.Context, _param: click.Parameter, text: str | None) -
     shell_complete=_complete,
     help="A bundled arm, a URDF or MJCF, or a scenario that has it.",
 )
+@click.option("--tip", metavar="LINK", help="Where the arm of a URDF or MJCF ends.")
 @click.option("--calibrate", is_flag=True, help="Tell by how much each camera and its clock are off.")
 @click.option(
     "--cameras",
@@ -76,6 +77,7 @@ def _names(_context: click.Context, _param: click.Parameter, text: str | None) -
 def perceive(
     recording: Path,
     arm_name: str,
+    tip: str | None,
     calibrate: bool,
     cameras: Path | None,
     topics: tuple[str, ...],
@@ -105,7 +107,7 @@ def perceive(
     if out is not None:
         can_write(out, recording, arm_name, *(each for each in (cameras, known) if each is not None))
     with telling():
-        arm, around = _arm(arm_name), _obstacles(known)
+        arm, around = _arm(arm_name, tip), _obstacles(known)
     given = None if cameras is None else read_cameras(cameras)
     where: dict[str, Any] = {"cameras": given, "topics": topics, "base": base, "joints": joints}
     if calibrate:
@@ -153,13 +155,15 @@ def perceive(
     return FAILED if report.refused or moved else FINE
 
 
-def _arm(name: str) -> _core.Arm:
+def _arm(name: str, tip: str | None) -> _core.Arm:
+    if name not in _core.ARMS and Path(name).suffix == ".urdf":
+        return _core.Arm.from_urdf(name, tip=tip)
+    if name not in _core.ARMS and Path(name).suffix in (".xml", ".mjcf"):
+        return _core.Arm.from_mjcf(name, tip=tip)
+    if tip is not None:
+        raise click.UsageError(f"--tip belongs to the file of an arm; {name} says where its arm ends")
     if name in _core.ARMS:
         return _core.Arm.named(name)
-    if Path(name).suffix == ".urdf":
-        return _core.Arm.from_urdf(name)
-    if Path(name).suffix in (".xml", ".mjcf"):
-        return _core.Arm.from_mjcf(name)
     from vffnull.model.scenario import prepare, scenarios
 
     if name not in scenarios() and not Path(name).suffix:

@@ -59,7 +59,12 @@ impl Controller {
         accepts: impl FnOnce(&AnyController) -> bool,
         act: impl FnOnce(&mut AnyController) -> T,
     ) -> PyResult<T> {
-        self.among_those(py, obstacles.map_or(Ok(vec![]), sequence)?, accepts, act)
+        self.among_those(
+            py,
+            obstacles.map_or(Ok(vec![]), |given| sequence("obstacles", given))?,
+            accepts,
+            act,
+        )
     }
 
     fn among_those<T>(
@@ -111,7 +116,7 @@ impl Controller {
         accepts: impl FnOnce(&AnyController) -> bool,
         act: impl FnOnce(&mut AnyController) -> T,
     ) -> PyResult<T> {
-        let given = obstacles.map_or(Ok(vec![]), sequence)?;
+        let given = obstacles.map_or(Ok(vec![]), |given| sequence("obstacles", given))?;
         let inner = self.inner.take(py)?;
         let is_own = inner.controller.phase().is_none() && !inner.controller.sets_points();
         if is_own || inner.around.knows(py, &given) {
