@@ -213,7 +213,7 @@ def test_set_points_are_planned_for_within_their_limits(tmp_path: Path) -> None:
     scene = vff.Scenario.from_dict(BLOCKED).replace(reference=quiet.reference)
     robot = Servo(BLOCKED["q0"])
     with vff.drive(
-        robot, scene, seconds=15.0, limits=slow, record_to=tmp_path / "log.arrows", record_every=1
+        robot, scene, seconds=30.0, limits=slow, record_to=tmp_path / "log.arrows", record_every=1
     ) as driven:
         assert driven.wait(HANG)
     assert driven.report.status == "completed", driven.report.reason

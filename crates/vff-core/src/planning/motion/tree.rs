@@ -9,8 +9,9 @@ use crate::world::ObstacleGeometry;
 
 /// The longest edge \[rad, m\].
 const STEP: f64 = 0.8;
-/// How often an edge that is blocked is tried at half its length.
-const HALVINGS: usize = 3;
+/// How often an edge that is blocked is tried at half its length: one that leads into the open, and one in a narrow place. One
+/// that leads to the other tree is not: what is left of it stands before what blocks it, where it is of little use.
+const HALVINGS: [usize; 2] = [1, 3];
 /// Where fewer than one of so many draws makes a tree grow, every other one is made about its nodes; after so many.
 const NARROW: usize = 50;
 /// How far from a node these are: between the longest edge and that much less, as e to this power.
@@ -74,20 +75,27 @@ impl Tree {
         best.0
     }
 
-    /// Grows from `node` towards `q` by one edge.
+    /// Grows from `node` towards `q` by one edge, which is halved up to so often where it is blocked.
     fn grow<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         &mut self,
         space: &mut FreeSpace<R, S, D>,
         node: usize,
         q: &[f64],
+        halvings: usize,
     ) -> Step {
         let from = self.nodes[node].clone();
         let whole = distance(&from, q);
         if whole < SAME {
             return Step::Reached(node);
         }
-        let mut share = (STEP / whole).min(1.0);
-        for _ in 0..=HALVINGS {
+        let mut share = 2.0 * (STEP / whole).min(1.0);
+        // From where on no way is free.
+        let mut blocked = f64::INFINITY;
+        for _ in 0..=halvings {
+            share *= 0.5;
+            if share >= blocked {
+                continue;
+            }
             let mut to: Vec<f64> = if share < 1.0 {
                 from.iter().zip(q).map(|(a, b)| a + share * (b - a)).collect()
             } else {
@@ -95,14 +103,18 @@ impl Tree {
             };
             let is_moved = space.level(&mut to);
             let is_nearer = !is_moved || distance(&to, q) < whole * (1.0 - LEAST * share);
-            if is_nearer && space.is_free_between(&from, &to) {
-                self.nodes.push(to);
-                self.parents.push(node);
-                let new = self.nodes.len() - 1;
-                let reached = share >= 1.0 && !is_moved;
-                return if reached { Step::Reached(new) } else { Step::Nearer(new) };
+            if is_nearer {
+                let Some(at) = space.blocked_between(&from, &to) else {
+                    self.nodes.push(to);
+                    self.parents.push(node);
+                    let new = self.nodes.len() - 1;
+                    let reached = share >= 1.0 && !is_moved;
+                    return if reached { Step::Reached(new) } else { Step::Nearer(new) };
+                };
+                if !is_moved {
+                    blocked = at * share;
+                }
             }
-            share *= 0.5;
         }
         Step::Blocked
     }
@@ -115,7 +127,7 @@ impl Tree {
     ) -> (usize, bool) {
         let mut node = self.nearest(q);
         loop {
-            match self.grow(space, node, q) {
+            match self.grow(space, node, q, 0) {
                 Step::Reached(there) => return (there, true),
                 Step::Nearer(next) => node = next,
                 Step::Blocked => return (node, false),
@@ -206,7 +218,9 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
             draw_about(&one.nodes[node], ranges, noise, &mut drawn);
         }
         wide += usize::from(!is_about);
-        let (Step::Nearer(new) | Step::Reached(new)) = one.grow(space, node, &drawn) else {
+        let halvings = HALVINGS[usize::from(is_about)];
+        let (Step::Nearer(new) | Step::Reached(new)) = one.grow(space, node, &drawn, halvings)
+        else {
             continue;
         };
         grown += usize::from(!is_about);
