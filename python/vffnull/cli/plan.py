@@ -123,7 +123,7 @@ def _seconds(_context: click.Context, param: click.Parameter, text: str) -> floa
     "The limit of all joints, or of each [rad/s²]; by default 30 in the plane, 10 in space.",
 )
 @_numbers("--jerk", "A[,B,…]", "The limit of all joints, or of each [rad/s³]; by default none.")
-@click.option("--samples", type=int, default=50_000, show_default=True, help="When to give up.")
+@click.option("--samples", type=int, default=100_000, show_default=True, help="When to give up.")
 @click.option("--paths", type=int, default=4, show_default=True, help="Of so many the shortest is taken.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
 @set_option

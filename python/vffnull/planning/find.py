@@ -46,7 +46,7 @@ def plan(
     acceleration: ArrayLike | None = None,
     jerk: ArrayLike | None = None,
     speed: float = 0.5,
-    samples: int = 50_000,
+    samples: int = 100_000,
     paths: int = 4,
     seed: int = 0,
 ) -> Plan:

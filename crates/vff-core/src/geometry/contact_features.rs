@@ -30,7 +30,7 @@ pub struct ContactFeature<const D: usize> {
 }
 
 /// A body: a capsule, or a hull and the capsule around it.
-pub(crate) type Form<'a> = (Capsule<3>, Option<PlacedHull<'a, 3>>);
+pub(crate) type Form<'a, const D: usize = 3> = (Capsule<D>, Option<PlacedHull<'a, D>>);
 
 /// Calls `visit` with the nearest parts of two bodies, or with all those `features` nearer than this \[m\] that may be the nearest
 /// when these change hands, the nearest 32. Nothing for two capsules.

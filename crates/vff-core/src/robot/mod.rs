@@ -278,13 +278,6 @@ pub trait Robot<const D: usize> {
         _visit: &mut dyn FnMut(&ContactFeature<D>),
     ) {
     }
-    /// How far a pair of these bodies is apart at least \[m\], of which one is a hull: never more than their distance, and less by
-    /// rounding alone; from `limit` on, anything that is not below, and −∞ where they overlap. ∞ where both are capsules. `plane` is the normal
-    /// of the plane that told them apart last, from the first to the second, and is asked first; 0 where none is known. What is told
-    /// is so along the normal that is left there, if one is.
-    fn apart_at_least(&self, _pair: [usize; 2], _limit: f64, _plane: &mut Vector<D>) -> f64 {
-        f64::INFINITY
-    }
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` \[m/s\].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.

@@ -102,38 +102,6 @@ impl<const D: usize> OwnPair<D> {
         }
     }
 
-    /// How far two bodies of `robot` are apart at least \[m\], the still ones counted behind the others: of capsules the distance,
-    /// of hulls less by rounding alone. From `limit` on, anything that is not below. `plane` as in [`Robot::apart_at_least`].
-    ///
-    /// # Example
-    /// ```
-    /// use std::sync::Arc;
-    /// use vff_core::control::distance::OwnPair;
-    /// use vff_core::{math, robot::{Robot, models}};
-    ///
-    /// let arm = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
-    /// let within = |pair, limit| OwnPair::at_least(&arm, pair, limit, &mut math::Vector::<3>::zeros());
-    /// let apart = arm.body_pairs().map(|pair| within(pair, 9.0)).fold(9.0, f64::min);
-    /// assert!(arm.body_pairs().all(|pair| within(pair, apart) >= apart));
-    /// ```
-    pub fn at_least<R: Robot<D>>(
-        robot: &R,
-        pair: [usize; 2],
-        limit: f64,
-        plane: &mut Vector<D>,
-    ) -> f64 {
-        interrupt::checkpoint(32);
-        let [(a, one), (b, other)] = pair.map(|i| solid(robot, i));
-        let is_hull = one || other;
-        let capsules = (!is_hull || plane.norm_squared() == 0.0).then(|| nearest(&a, &b));
-        if let Some(known) = capsules.filter(|known| !is_hull || known.distance >= limit) {
-            *plane = -known.normal;
-            return known.distance;
-        }
-        interrupt::checkpoint(256);
-        robot.apart_at_least(pair, limit, plane)
-    }
-
     /// Takes what is nearest of two bodies in place of the capsules around them, where one is a hull.
     #[inline(never)]
     fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {

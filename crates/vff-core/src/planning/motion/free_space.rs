@@ -7,6 +7,7 @@ pub use certificate::SHORTEST;
 use certificate::{Near, Two};
 
 use super::around::{Around, Window};
+use super::bundle::Bundle;
 use super::levers::{Jointed, Levers, Twist};
 use super::margins::{APART, Margins};
 use super::own_room::OwnRoom;
@@ -56,6 +57,9 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     /// Signed distance of each link from what is nearest of that from which it keeps the usual margin \[m\], ∞ from its limit on.
     clearance: Vec<f64>,
     bodies: Vec<Body<'static, D>>,
+    /// Bodies of one link that are looked at together, and the numbers of those and of the others: they count behind all bodies.
+    bundles: Vec<Bundle<D>>,
+    heads: Vec<usize>,
     middle: Vec<f64>,
     /// How the links move there.
     twists: Vec<Twist>,
@@ -92,7 +96,12 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let still = Around::new(world.only(standing.iter().copied()), &standing, 0.0);
         let passing = Around::passing(world, &others, [start, start + duration], ball);
         let n = robot.dof();
-        let own = if keeps_apart { OwnRoom::of_all(&robot) } else { vec![] };
+        let bundles = robot.bundles();
+        let own = if keeps_apart { OwnRoom::of_all(&robot, &bundles) } else { vec![] };
+        let is_alone = |i: &usize| !bundles.iter().any(|bundle| bundle.members.contains(i));
+        let count = robot.body_count() + robot.still_bodies().len();
+        let alone = (0..robot.body_count()).filter(is_alone);
+        let heads = alone.chain(count..count + bundles.len()).collect();
         let most_own = world.most_margin();
         let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
@@ -108,6 +117,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             limits: vec![f64::INFINITY; n],
             clearance: vec![f64::INFINITY; n],
             bodies: vec![],
+            bundles,
+            heads,
             middle: vec![0.0; n],
             twists: vec![],
             near: vec![],

@@ -1,5 +1,7 @@
 //! How far the joints of an arm carry its links.
 
+use super::bundle::Bundle;
+use crate::geometry::{Form, gap_between};
 use crate::interrupt;
 use crate::math::{Capsule, Vector, in_space};
 use crate::robot::{Manipulator, PlanarState, Robot, SpatialState};
@@ -33,6 +35,17 @@ pub trait Jointed<const D: usize>: Robot<D> {
     fn joint_name(&self, i: usize) -> String;
     /// What people call a link; None is the base.
     fn link_name(&self, link: Option<usize>) -> String;
+    /// Bodies that are looked at together first.
+    fn bundles(&self) -> Vec<Bundle<D>> {
+        vec![]
+    }
+    /// How far two bodies, of which one is a hull, are apart at least \[m\]: never more than their distance, and less by rounding alone; from
+    /// `limit` on, anything that is not below, and −∞ where they overlap. `plane` is the normal of the plane that told them apart last, from
+    /// the first to the second, and is asked first; 0 where none is known. What is told is so along the normal that is left there, if
+    /// one is.
+    fn gap(_bodies: [&Form<'_, D>; 2], _limit: f64, _plane: &mut Vector<D>) -> f64 {
+        f64::INFINITY
+    }
 }
 
 impl Jointed<2> for PlanarState {
@@ -102,6 +115,14 @@ impl Jointed<3> for SpatialState {
     fn link_name(&self, link: Option<usize>) -> String {
         let named = |link| self.arm().link_names().nth(link).map(|name| format!("`{name}`"));
         link.and_then(named).unwrap_or_else(|| "the base".to_owned())
+    }
+
+    fn bundles(&self) -> Vec<Bundle<3>> {
+        Bundle::of_all(self)
+    }
+
+    fn gap(bodies: [&Form<'_>; 2], limit: f64, plane: &mut Vector<3>) -> f64 {
+        gap_between(bodies, limit, plane)
     }
 }
 

@@ -4,6 +4,7 @@
 //! rounded (`curve`), and gone along as fast as the joints allow (`time_law`). The same seed gives the same motion.
 
 mod around;
+mod bundle;
 mod curve;
 mod free_space;
 mod goals;

@@ -430,6 +430,31 @@ fn certified_motions_of_boards_are_free() {
     );
 }
 
+/// Nor of several that one link carries, which are looked at together first: a gripper of boxes, and a bracket.
+#[cfg(feature = "models")]
+#[test]
+fn certified_motions_of_grippers_are_free() {
+    let gripper = |center: &str, size: &str| {
+        format!(
+            "[[arm.collision]]\nlink = \"panda_link7\"\nshape = {{ kind = \"box\", center = {center}, size = {size} }}\n"
+        )
+    };
+    let parts = [
+        gripper("[0.0, 0.0, 0.12]", "[0.2, 0.05, 0.06]"),
+        gripper("[0.08, 0.0, 0.2]", "[0.02, 0.02, 0.1]"),
+        gripper("[-0.08, 0.0, 0.2]", "[0.02, 0.02, 0.1]"),
+        gripper("[0.0, 0.1, 0.2]", "[0.02, 0.02, 0.1]"),
+        gripper("[0.1, 0.0, 0.1]", "[0.1, 0.02, 0.02]").replace("link7", "link5"),
+        gripper("[0.1, 0.0, 0.0]", "[0.02, 0.1, 0.1]").replace("link7", "link5"),
+    ];
+    let scenario = among_boxes(&parts.concat());
+    let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
+    let arm = Arc::new(Space::arm(&scene.arm).unwrap());
+    let members = arm.state().bundles().into_iter().map(|bundle| bundle.members.len());
+    assert_eq!(members.collect::<Vec<_>>(), [4, 2]);
+    certified_of(&arm, &scenario, 200);
+}
+
 /// Joints of arms that people have turn about any axis of their links.
 #[cfg(feature = "models")]
 #[test]

@@ -9,9 +9,9 @@ use crate::world::ObstacleGeometry;
 
 /// The longest edge \[rad, m\].
 const STEP: f64 = 0.8;
-/// How often an edge that is blocked is tried at half its length: one that leads into the open, and one in a narrow place. One
-/// that leads to the other tree is not: what is left of it stands before what blocks it, where it is of little use.
-const HALVINGS: [usize; 2] = [1, 3];
+/// How often an edge into the open is tried at half its length where it is blocked. Others are not: draws about a node are of any
+/// length, and what is left of an edge to the other tree stands before what blocks it, where it is of little use.
+const HALVINGS: usize = 1;
 /// Where fewer than one of so many draws makes a tree grow, every other one is made about its nodes; after so many.
 const NARROW: usize = 50;
 /// How far from a node these are: between the longest edge and that much less, as e to this power.
@@ -218,7 +218,7 @@ pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
             draw_about(&one.nodes[node], ranges, noise, &mut drawn);
         }
         wide += usize::from(!is_about);
-        let halvings = HALVINGS[usize::from(is_about)];
+        let halvings = if is_about { 0 } else { HALVINGS };
         let (Step::Nearer(new) | Step::Reached(new)) = one.grow(space, node, &drawn, halvings)
         else {
             continue;

@@ -7,7 +7,7 @@ use super::joint::Joint;
 use super::state::SpatialState;
 use super::task::TaskForces;
 use super::{dense, task};
-use crate::geometry::{Body, ContactFeature, StillBody, contact_features, gap_between};
+use crate::geometry::{Body, ContactFeature, StillBody, contact_features};
 use crate::math::{Pointing, SpatialPose, Vector};
 use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm};
 use nalgebra::{SMatrix, SVector};
@@ -455,10 +455,6 @@ impl Robot<3> for SpatialState {
         visit: &mut dyn FnMut(&ContactFeature<3>),
     ) {
         contact_features(pair.map(|i| self.form(i)).each_ref(), features, visit);
-    }
-
-    fn apart_at_least(&self, pair: [usize; 2], limit: f64, plane: &mut Vector<3>) -> f64 {
-        gap_between(pair.map(|i| self.form(i)).each_ref(), limit, plane)
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {

@@ -5,10 +5,10 @@
 //! on where the arm is (T150).
 
 use super::super::around::Around;
+use super::super::bundle::{body_of, bundle_of};
 use super::super::levers::{Jointed, Twist};
-use super::super::own_room::moving;
+use super::super::own_room::{OwnRoom, apart_at_least, moving};
 use super::{FreeSpace, RESOLUTION};
-use crate::control::distance::OwnPair;
 use crate::interrupt;
 use crate::math::Vector;
 use crate::world::ObstacleGeometry;
@@ -22,9 +22,9 @@ const BLOCKERS: usize = 8;
 /// Two that must not come too near to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Two {
-    /// A body of the arm and an obstacle, each by its number, with the number of the world.
+    /// A body of the arm or a bundle and an obstacle, each by its number, with the number of the world.
     Obstacle { body: usize, world: usize, obstacle: usize },
-    /// Two bodies of the arm, the still ones counted behind the others.
+    /// Two bodies of the arm, the still ones counted behind the others and bundles behind those.
     Own([usize; 2]),
 }
 
@@ -104,11 +104,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             self.move_to(ends, at);
             let first = near.len();
             for k in asked {
-                match self.look(near[k], half).0 {
-                    Look::Blocked => return Some((near[k].two, at)),
-                    Look::Near if half < SHORTEST => return Some((near[k].two, at)),
-                    Look::Near => near.push(near[k]),
-                    Look::Apart => {}
+                if let Some(blocked) = self.ask(near[k], half, ends, near) {
+                    return Some((blocked, at));
                 }
             }
             if near.len() > first {
@@ -128,12 +125,47 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         Twist::of_links(&self.robot, [a, b], &mut self.twists);
     }
 
+    /// Which two block the part of a motion that goes so much before and after where the arm is. Those that only may, in a part of that,
+    /// are put into `near`. What is too near to a bundle is looked at body by body.
+    fn ask(&mut self, two: Near, half: f64, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
+        match self.look(two, half).0 {
+            Look::Apart => return None,
+            Look::Near if half >= SHORTEST => near.push(two),
+            _ => match self.members(two.two) {
+                None => return Some(two.two),
+                Some(members) => {
+                    return members.into_iter().find_map(|member| {
+                        let member = self.near(member, ends);
+                        self.ask(member, half, ends, near)
+                    });
+                }
+            },
+        }
+        None
+    }
+
+    /// What two of which one is a bundle stand for.
+    fn members(&self, two: Two) -> Option<Vec<Two>> {
+        match two {
+            Two::Obstacle { body, world, obstacle } => {
+                let bundle = bundle_of(&self.robot, &self.bundles, body)?;
+                let of = |body: &usize| Two::Obstacle { body: *body, world, obstacle };
+                Some(bundle.members.iter().map(of).collect())
+            }
+            Two::Own(pair) => {
+                let room = self.own.iter().find(|room| room.pair == pair)?;
+                let members = room.members.iter().map(|member| Two::Own(member.pair));
+                Some(members.collect()).filter(|members: &Vec<_>| !members.is_empty())
+            }
+        }
+    }
+
     /// Whether two keep apart in the part of a motion that goes so much before and after where the arm is, and how far they are apart there
     /// at least \[m\].
     fn look(&mut self, near: Near, half: f64) -> (Look, f64) {
         let Near { two, body, from, way, bend, drift, share } = near;
-        let Self { robot, worlds, margins, reach, middle, planes, twists, .. } = self;
-        let body = robot.body(body);
+        let Self { robot, bundles, worlds, margins, reach, middle, planes, twists, .. } = self;
+        let body = body_of(robot, bundles, body);
         let drift = drift * half;
         let (keeps, slack, stands) = match two {
             Two::Obstacle { world, .. } => {
@@ -153,7 +185,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
                 interrupt::checkpoint(32);
                 worlds[world].world.at_least(obstacle, &body, limit, plane)
             }
-            Two::Own(pair) => OwnPair::at_least(robot, pair, limit, plane),
+            Two::Own(pair) => apart_at_least(robot, bundles, pair, limit, plane),
         };
         let room = distance - slack - keeps;
         let is_clear = room >= 0.0; // false for NaN
@@ -195,8 +227,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let mut worlds = std::mem::take(&mut self.worlds);
         let mut candidates: Vec<Two> = vec![];
         for (number, Around { world, boxes, slack, .. }) in worlds.iter_mut().enumerate() {
-            for body in 0..self.robot.body_count() {
-                let placed = self.robot.body(body);
+            for &body in &self.heads {
+                let placed = body_of(&self.robot, &self.bundles, body);
                 let limit = around[placed.link] + *slack;
                 interrupt::checkpoint(32 + world.len());
                 world.for_each_within(boxes, &placed, limit, |_, obstacle| {
@@ -207,44 +239,61 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         }
         self.worlds = worlds;
         for two in candidates {
-            let seen = self.near(two, ends);
-            match self.look(seen, 0.5).0 {
-                Look::Blocked => return Some(two),
-                Look::Near => near.push(seen),
-                Look::Apart => {}
+            let blocked = self.ask(self.near(two, ends), 0.5, ends, near);
+            if blocked.is_some() {
+                return blocked;
             }
         }
         let keeps = self.apart_at(&self.middle);
         let drift = 0.5 * self.margins.apart_change(ends, &self.reach);
-        for k in 0..self.own.len() {
-            let half = 0.5 * self.own[k].way(&self.reach, ends);
-            if self.own[k].is_apart(&self.reach, &self.middle, keeps + drift + half) {
-                continue;
+        let mut own = std::mem::take(&mut self.own);
+        let found = own.iter_mut().find_map(|room| self.ask_own(room, keeps + drift, ends, near));
+        self.own = own;
+        found
+    }
+
+    /// Which two of the arm's own bodies block the motion where the arm is, in its middle; those that may, somewhere in it, are put into
+    /// `near`. They keep so much \[m\].
+    fn ask_own(
+        &mut self,
+        room: &mut OwnRoom,
+        keeps: f64,
+        ends: Ends<'_>,
+        near: &mut Vec<Near>,
+    ) -> Option<Two> {
+        let half = 0.5 * room.way(&self.reach, ends);
+        if room.is_apart(&self.reach, &self.middle, keeps + half) {
+            return None;
+        }
+        let two = Two::Own(room.pair);
+        let seen = self.near(two, ends);
+        let (look, apart) = self.look(seen, 0.5);
+        room.remember(&self.middle, apart);
+        match look {
+            Look::Apart => None,
+            Look::Near => {
+                near.push(seen);
+                None
             }
-            let two = Two::Own(self.own[k].pair);
-            let seen = self.near(two, ends);
-            let (look, apart) = self.look(seen, 0.5);
-            self.own[k].remember(&self.middle, apart);
-            match look {
-                Look::Blocked => return Some(two),
-                Look::Near => near.push(seen),
-                Look::Apart => {}
+            Look::Blocked if room.members.is_empty() => Some(two),
+            Look::Blocked => {
+                room.members.iter_mut().find_map(|member| self.ask_own(member, keeps, ends, near))
             }
         }
-        None
     }
 
     /// Two, and how far one of them goes in a motion.
     fn near(&self, two: Two, ends: Ends<'_>) -> Near {
         let (body, from) = match two {
             Two::Obstacle { body, .. } => (body, None),
-            Two::Own(pair) => moving(&self.robot, pair),
+            Two::Own(pair) => moving(&self.robot, &self.bundles, pair),
         };
-        let to = self.robot.body(body).link;
+        let moves = body_of(&self.robot, &self.bundles, body);
+        let to = moves.link;
         let (way, bend) = (self.reach.way(ends, from, to), self.reach.bend(ends, from, to));
         let (drift, share) = match two {
             Two::Obstacle { world, obstacle, .. } => {
-                let margin = self.worlds[world].world.margin_of(obstacle, &self.robot.body(body));
+                let margin = self.worlds[world].world.margin_of(obstacle, &moves);
                 let share = margin.share(self.asked);
                 (share * self.margins.slope() * way, share)
             }
