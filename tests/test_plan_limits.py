@@ -211,3 +211,24 @@ def test_limits_of_set_points_are_a_mapping(limits: Any) -> None:
     scene, _ = between(0, (0.25, 0.75))
     with pytest.raises(InputTypeError, match="limits: expected a mapping"):
         vff.drive(Ideal(scene["q0"]), scene, limits=limits)
+
+
+def test_what_moves_two_bodies_alike_asks_for_no_more_room_between_them() -> None:
+    """A last link that is folded back on another one, 0.5 mm beside it, is carried to where it stays so."""
+    folded = [0.0, 0.5 * np.pi, 0.5 * np.pi]
+    scene = {
+        "duration": 1.0,
+        "q0": [0.0, 0.5, *folded],
+        "arm": {"lengths": [0.5, 0.4, 0.3, 0.0605, 0.25], "masses": 1.0, "radius": 0.03},
+        "reference": {"kind": "setpoint", "point": [1.0, 0.3]},
+        "controller": {"self_collision": "avoid"},
+    }
+    plan = vff.plan(scene, [1.0, -0.5, *folded], samples=0)
+    assert plan.status == "found", plan.message
+    said = "keep 0.45 mm at the start, 0.45 mm at the goal from each other, up to 2 mm elsewhere"
+    assert f"bodies of the arm {said}" in plan.message
+    q, _, _ = plan.at(np.linspace(0.0, plan.duration, 200))
+    assert np.abs(q[:, 3:] - folded[1:]).max() < 1e-9, "it stays so"
+    apart = vff.plan(scene, [1.0, -0.5, 0.0, 0.3, 0.5])
+    said = "bodies of the arm keep 0.45 mm from each other all the way"
+    assert apart.status == "found" and said in apart.message, "no motion takes the one away from the other"

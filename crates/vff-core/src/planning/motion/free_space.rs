@@ -266,11 +266,6 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         self.is_free_between(q, q)
     }
 
-    /// What bodies of the arm at `q` keep from each other \[m\].
-    pub fn apart_at(&self, q: &[f64]) -> f64 {
-        self.margins.apart_at(q, &self.reach)
-    }
-
     /// How far the arm at `q` is from itself where it must not touch that \[m\], if that is less than `limit`; otherwise ∞.
     pub fn own_room(&mut self, q: &[f64], limit: f64) -> f64 {
         self.robot.update_positions(q);

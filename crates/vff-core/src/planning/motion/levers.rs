@@ -233,11 +233,6 @@ impl Levers {
         (first..=link).map(|i| (b[i] - a[i]).abs() * self.lever[i * self.n + link]).sum()
     }
 
-    /// The largest [`way`](Self::way) of a link as seen by the base.
-    pub fn farthest_way(&self, ends: [&[f64]; 2]) -> f64 {
-        (0..self.n).map(|link| self.way(ends, None, link)).fold(0.0, f64::max)
-    }
-
     /// How far the tip of the end effector goes at most while the joints go from `a` to `b`, and how much it is accelerated while they do so
     /// evenly in unit time \[m\].
     pub fn of_tip(&self, [a, b]: [&[f64]; 2]) -> [f64; 2] {

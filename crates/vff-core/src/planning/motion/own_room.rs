@@ -3,6 +3,7 @@
 
 use super::bundle::{Bundle, form_of, link_of};
 use super::levers::{Jointed, Levers};
+use super::margins::Margins;
 use crate::geometry::Form;
 use crate::interrupt;
 use crate::math::{Vector, nearest};
@@ -92,6 +93,11 @@ impl OwnRoom {
     /// How far one goes at most as the other sees it in a motion between two `ends` \[m\].
     pub fn way(&self, reach: &Levers, ends: [&[f64]; 2]) -> f64 {
         reach.way(ends, self.from, self.link)
+    }
+
+    /// What they keep from each other at `q` \[m\].
+    pub fn keeps(&self, margins: &Margins, reach: &Levers, q: &[f64]) -> f64 {
+        margins.apart_at(q, reach, self.from, self.link)
     }
 
     /// Whether they are certain to be so far apart at `q` \[m\]: they have come no nearer than one has gone since then.

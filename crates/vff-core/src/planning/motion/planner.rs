@@ -348,10 +348,7 @@ where
                 .map(|link| [a, b].map(|q| self.space.margin(q, link)))
                 .map(|[a, b]| a.min(b))
                 .collect();
-            let [at_a, at_b] = [a, b].map(|q| self.space.apart_at(q));
-            let bulge = bulges.iter().copied().fold(0.0, f64::max);
-            self.space.margins =
-                Margins::constant(kept.clone(), at_a.min(at_b) + bulge).and_beyond(bulges.clone());
+            self.space.margins = margins.evened(kept.clone(), bulges.clone());
             self.space.pointings.iter_mut().for_each(|it| it.and_beyond(turns, carried));
             let is_free = self.space.is_free_between(a, &middle[0])
                 && self.space.is_free_between(&middle[0], b);

@@ -172,15 +172,23 @@ where
             };
             let _ = write!(sentence, "; less than the {margin} is kept: {told}");
         }
-        for (place, q) in ends {
-            if let Some(kept) = asked.apart_lowered_at(q) {
-                let _ = write!(
-                    sentence,
-                    "; bodies of the arm keep {:.2} mm from each other at the {place}, elsewhere {:.0} mm",
-                    1e3 * kept,
-                    1e3 * APART,
-                );
-            }
+        let apart: Vec<String> = ends
+            .into_iter()
+            .filter_map(|(place, q)| Some((place, asked.apart_lowered_at(q)?)))
+            .map(|(place, kept)| format!("{:.2} mm at the {place}", 1e3 * kept))
+            .collect();
+        if asked.apart < APART {
+            let kept = 1e3 * asked.apart;
+            let _ = write!(
+                sentence,
+                "; bodies of the arm keep {kept:.2} mm from each other all the way"
+            );
+        } else if !apart.is_empty() {
+            let (apart, most) = (apart.join(", "), 1e3 * APART);
+            let _ = write!(
+                sentence,
+                "; bodies of the arm keep {apart} from each other, up to {most:.0} mm elsewhere",
+            );
         }
         sentence
     }

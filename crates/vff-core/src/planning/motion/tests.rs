@@ -370,7 +370,7 @@ fn bodies_of_the_arm_keep_less_near_an_end_that_has_less() {
     }
     let goal = Some(folded(apart));
     let plan = found(&scenario, &PlanSettings { goal, ..PlanSettings::default() });
-    let said = "; bodies of the arm keep 0.90 mm from each other at the goal, elsewhere 2 mm";
+    let said = "; bodies of the arm keep 0.90 mm at the goal from each other, up to 2 mm elsewhere";
     assert!(plan.message.ends_with(said), "{}", plan.message);
     let end = plan.times[plan.times.len() - 1];
     along(&plan, |t, [q, ..]| {

@@ -173,7 +173,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
                 let keeps = share * margins.at(middle, reach, body.link);
                 (keeps + margins.beyond(body.link), slack, slack == 0.0)
             }
-            Two::Own(_) => (margins.apart_at(middle, reach), 0.0, true),
+            Two::Own(_) => (margins.apart_at(middle, reach, from, body.link), 0.0, true),
         };
         let twist = twists[body.link].beside(from.map(|link| twists[link]));
         let plane = planes.entry(two).or_insert_with(Vector::zeros);
@@ -244,25 +244,19 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
                 return blocked;
             }
         }
-        let keeps = self.apart_at(&self.middle);
-        let drift = 0.5 * self.margins.apart_change(ends, &self.reach);
         let mut own = std::mem::take(&mut self.own);
-        let found = own.iter_mut().find_map(|room| self.ask_own(room, keeps + drift, ends, near));
+        let found = own.iter_mut().find_map(|room| self.ask_own(room, ends, near));
         self.own = own;
         found
     }
 
     /// Which two of the arm's own bodies block the motion where the arm is, in its middle; those that may, somewhere in it, are put into
-    /// `near`. They keep so much \[m\].
-    fn ask_own(
-        &mut self,
-        room: &mut OwnRoom,
-        keeps: f64,
-        ends: Ends<'_>,
-        near: &mut Vec<Near>,
-    ) -> Option<Two> {
+    /// `near`.
+    fn ask_own(&mut self, room: &mut OwnRoom, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         let half = 0.5 * room.way(&self.reach, ends);
-        if room.is_apart(&self.reach, &self.middle, keeps + half) {
+        let keeps = room.keeps(&self.margins, &self.reach, &self.middle);
+        let drift = self.margins.apart_slope() * half;
+        if room.is_apart(&self.reach, &self.middle, keeps + drift + half) {
             return None;
         }
         let two = Two::Own(room.pair);
@@ -277,7 +271,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
             }
             Look::Blocked if room.members.is_empty() => Some(two),
             Look::Blocked => {
-                room.members.iter_mut().find_map(|member| self.ask_own(member, keeps, ends, near))
+                room.members.iter_mut().find_map(|member| self.ask_own(member, ends, near))
             }
         }
     }
@@ -297,7 +291,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
                 let share = margin.share(self.asked);
                 (share * self.margins.slope() * way, share)
             }
-            Two::Own(_) => (self.margins.apart_change(ends, &self.reach), 1.0),
+            Two::Own(_) => (self.margins.apart_slope() * way, 1.0),
         };
         Near { two, body, from, way, bend, drift, share }
     }
