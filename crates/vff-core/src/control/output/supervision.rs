@@ -98,9 +98,10 @@ pub struct Supervisor<R, const D: usize> {
     brakes: bool,
     /// Whether the end was asked for.
     stops: bool,
-    /// Cycles in a row in which the arm has stood, and for how many it has to.
+    /// Cycles in a row in which the arm has stood, for how many it has to, and where \[rad, m\].
     still: usize,
     still_for: usize,
+    stood: Vec<f64>,
     /// The torque that the arm may have had before the first state; None if nobody knows it.
     measured: Option<Vec<f64>>,
     /// Whether there has been a state, and whether anything was sent.
@@ -127,7 +128,7 @@ pub struct Supervisor<R, const D: usize> {
 }
 
 impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
-    /// A joint that is no faster stands \[rad/s, m/s\].
+    /// A joint that goes no faster on average stands \[rad/s, m/s\]: what is measured of its velocity may be mere noise.
     const STANDS: f64 = 0.02;
     /// For so long it has to, and for so many cycles, until the arm has stopped \[s\]: at high rates ten of them are over before what
     /// nobody holds has begun to sink.
@@ -174,6 +175,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             stops: false,
             still: 0,
             still_for: cycles_in(Self::STILL.0, period).max(Self::STILL.1),
+            stood: vec![f64::NAN; n],
             measured,
             has_begun: false,
             has_sent: false,
@@ -370,9 +372,15 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         R: Manipulator<D, M> + Clone,
     {
         self.take_up();
-        let [_, dq] = self.admission.state();
-        let stands = dq.iter().all(|dq| dq.abs() <= Self::STANDS);
-        self.still = if stands { self.still + 1 } else { 0 };
+        let [q, _] = self.admission.state();
+        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
+        let room = Self::STANDS * self.period * self.still_for as f64;
+        if self.stood.iter().zip(q).all(|(stood, q)| (q - stood).abs() <= room) {
+            self.still += 1;
+        } else {
+            self.stood.copy_from_slice(q);
+            self.still = 0;
+        }
         let phase = match self.phase {
             over if over.is_over() => over,
             _ if !self.stops => Phase::Damping,

@@ -71,6 +71,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Where on the straight motion from `a` to `b` the arm was seen to be too near to something, as a share of the motion; it may be
     /// so before, too.
+    #[inline(never)]
     fn touched_between(&mut self, a: &[f64], b: &[f64]) -> Option<f64> {
         let mut near = std::mem::take(&mut self.near);
         near.clear();
@@ -127,6 +128,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Which two block the part of a motion that goes so much before and after where the arm is. Those that only may, in a part of that,
     /// are put into `near`. What is too near to a bundle is looked at body by body.
+    #[inline(never)]
     fn ask(&mut self, two: Near, half: f64, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         match self.look(two, half).0 {
             Look::Apart => return None,
@@ -277,6 +279,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     }
 
     /// Two, and how far one of them goes in a motion.
+    #[inline(never)]
     fn near(&self, two: Two, ends: Ends<'_>) -> Near {
         let (body, from) = match two {
             Two::Obstacle { body, .. } => (body, None),
