@@ -385,11 +385,12 @@ def test_metadata() -> None:
 def test_the_library_is_stripped() -> None:
     """No symbols, no line tables: they were six parts of seven. With plans, drives, contacts, the search of
     the self-motion, cameras, planes between hulls, parts of a task, plans that keep upright, stops
-    of set points, possible futures, and successors that make no step, 10.21 MB are left.
+    of set points, possible futures and what they cost, successors that make no step, and boxes
+    around several hulls, 10.27 MB are left.
     """
     library = Path(vff._core.__file__).read_bytes()
     size = len(library)
-    assert size < 10_235_000
+    assert size < 10_300_000
     if library.startswith(b"\x7fELF\x02"):
         # The names of the sections: the text of the code may contain the same words.
         (table,) = struct.unpack_from("<Q", library, 0x28)
