@@ -12,7 +12,6 @@ knows the future holds them.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import warnings
 from typing import Any
@@ -20,11 +19,11 @@ from typing import Any
 import numpy as np
 
 import vffnull as vff
+from seeds import asked
 from vffnull.evaluation import CONTROLLERS, scenes
 from vffnull.run import evaluate as evaluating
 
 ARMS = ("panda", "iiwa14", "gen3")
-FIRST = {True: 500, False: scenes.EVALUATION.start + 60}
 BEGIN, LEAD, TURN = 1.0, 0.5, 1.0  # s, s, rad
 LAW = CONTROLLERS["cbf + preview"] | {"controller.yielding.preview": {"self_motion": {}}}
 
@@ -82,14 +81,10 @@ def foreseen(scene: vff.Scenario) -> vff.Scenario:
 
 def main() -> None:
     """Run all, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int, nargs="?", default=60)
-    parser.add_argument("--training", action="store_true")
-    given = parser.parse_args()
-    first = FIRST[given.training]
+    seeds = asked(__doc__)
     print("| arm | told of | collisions | hands held |\n|---|---|--:|--:|")
     for arm in ARMS:
-        drawn = (scenes.in_space("links-swept", arm, "pose", first + k) for k in range(given.count))
+        drawn = (scenes.in_space("links-swept", arm, "pose", seed) for seed in seeds)
         usable = [scene.replace(**LAW) for scene in map(decided, drawn) if scene is not None]
         verdicts = [vff.feasibility(scene) for scene in usable]
         for name, ways in {

@@ -10,18 +10,17 @@ look-ahead lets something go.
 
 from __future__ import annotations
 
-import argparse
 import warnings
 
 import numpy as np
 
 import vffnull as vff
+from seeds import asked
 from vffnull._core import matrices
 from vffnull.evaluation import CONTROLLERS, scenes
 
 ARMS = ("panda", "iiwa14", "ur5e")
 ORDERS = ([], ["turn"], ["turn", "orientation"], ["turn", "orientation", "approach", "position"])
-FIRST = {True: 500, False: scenes.EVALUATION.start + 60}
 LAW = CONTROLLERS["cbf + preview"] | {"simulation.record_every": 10}
 
 
@@ -40,14 +39,10 @@ def scores(result: vff.Result) -> list[float]:
 
 def main() -> None:
     """Run all, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int, nargs="?", default=60)
-    parser.add_argument("--training", action="store_true")
-    given = parser.parse_args()
-    first = FIRST[given.training]
+    seeds = asked(__doc__)
     print("| arm | order | collisions | position | axis | pose | lets go |\n|---|---|--:|--:|--:|--:|--:|")
     for arm in ARMS:
-        drawn = [scenes.in_space("crowd", arm, "pose", seed) for seed in range(first, first + given.count)]
+        drawn = [scenes.in_space("crowd", arm, "pose", seed) for seed in seeds]
         for order in ORDERS:
             law = LAW | ({"controller.yielding.order": order} if order else {})
             rows = [scores(result) for result in vff.simulate_many(drawn, law)]

@@ -1,6 +1,6 @@
 //! The parts of a robot that must not touch anything.
 
-use super::Hull;
+use super::{Form, Hull};
 use crate::math::{Capsule, Vector};
 use nalgebra::SMatrix;
 
@@ -34,7 +34,7 @@ pub struct Body<'a, const D: usize> {
     pub is_load: bool,
 }
 
-impl<const D: usize> Body<'_, D> {
+impl<'a, const D: usize> Body<'a, D> {
     /// A capsule that is carried by `link`.
     #[inline]
     pub fn new(link: usize, shape: Capsule<D>) -> Self {
@@ -45,6 +45,12 @@ impl<const D: usize> Body<'_, D> {
     #[inline]
     pub fn enclosing(&self) -> Body<'static, D> {
         Body { link: self.link, shape: self.shape, hull: None, is_load: self.is_load }
+    }
+
+    /// What is measured of it.
+    #[inline]
+    pub(crate) fn form(self) -> Form<'a, D> {
+        (self.shape, self.hull)
     }
 
     /// How far it reaches from `point`, as far as turning about that moves it: of a capsule its axis \[m\].

@@ -25,6 +25,7 @@ pub(crate) use contact_features::Form;
 pub use contact_features::{ContactFeature, contact_features};
 pub(crate) use convex_hull_query::{Convex, HullContact, MAX_FEATURES, Onward, averted};
 pub(crate) use gap::gap_between;
+pub(crate) use hull::box_around;
 pub use hull::{Hull, HullError, MAX_CORNERS, check_hull, faces_of_hull};
 pub(crate) use k_smallest::KSmallest;
 pub(crate) use shape::WithKind;

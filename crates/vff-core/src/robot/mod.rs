@@ -22,7 +22,7 @@ pub mod spatial;
 #[cfg(feature = "models")]
 pub mod urdf;
 
-use crate::geometry::{Body, ContactFeature, StillBody};
+use crate::geometry::{Body, ContactFeature, Form, StillBody};
 use crate::math::{Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
@@ -299,4 +299,13 @@ pub trait Robot<const D: usize> {
 
     /// The same robot at the same state as matrices, for the explicit extended-Jacobian form.
     fn matrices<const M: usize>(&self) -> Matrices<M>;
+}
+
+/// Body `i` of a robot as it is measured, the still ones counted behind the others.
+#[inline]
+pub(crate) fn form_of<R: Robot<D>, const D: usize>(robot: &R, i: usize) -> Form<'_, D> {
+    match robot.still_bodies().get(i.wrapping_sub(robot.body_count())) {
+        Some(still) => (still.shape, still.placed_hull()),
+        None => robot.body(i).form(),
+    }
 }

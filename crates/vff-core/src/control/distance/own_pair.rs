@@ -4,7 +4,7 @@ use super::{DistanceRate, FADE};
 use crate::geometry::{Body, ContactFeature, MAX_FEATURES};
 use crate::interrupt;
 use crate::math::{Capsule, Nearest, RELIEF, Vector, nearest, nearest_of_lines, smoothstep};
-use crate::robot::Robot;
+use crate::robot::{Robot, form_of};
 
 /// Two bodies of a robot, or parts of them, where they come nearest.
 ///
@@ -37,17 +37,6 @@ pub struct OwnPair<const D: usize> {
     hulls: Option<[usize; 2]>,
 }
 
-/// The capsule of a body, the still ones counted behind the others, and whether it is around a hull.
-fn solid<R: Robot<D>, const D: usize>(robot: &R, i: usize) -> (Capsule<D>, bool) {
-    match robot.still_bodies().get(i.wrapping_sub(robot.body_count())) {
-        Some(still) => (still.shape, still.hull.is_some()),
-        None => {
-            let body = robot.body(i);
-            (body.shape, body.hull.is_some())
-        }
-    }
-}
-
 impl<const D: usize> OwnPair<D> {
     /// The most features of two capsules.
     pub const FEATURES: usize = 5;
@@ -60,7 +49,8 @@ impl<const D: usize> OwnPair<D> {
     /// The most features of all pairs of bodies of `robot` that must not touch.
     pub fn most_features<R: Robot<D>>(robot: &R) -> usize {
         let most = |pair: [usize; 2]| {
-            if pair.iter().any(|i| solid(robot, *i).1) { MAX_FEATURES } else { Self::FEATURES }
+            let is_hull = |i: &usize| form_of(robot, *i).1.is_some();
+            if pair.iter().any(is_hull) { MAX_FEATURES } else { Self::FEATURES }
         };
         robot.body_pairs().map(most).sum()
     }
@@ -436,14 +426,7 @@ mod tests {
 
     /// Where the second body of a pair is an obstacle and the first stays a link, the world says the same.
     fn as_obstacle(state: &SpatialState, [i, j]: [usize; 2]) -> f64 {
-        let form = |k: usize| match state.still_bodies().get(k.wrapping_sub(state.body_count())) {
-            Some(still) => (still.shape, still.placed_hull()),
-            None => {
-                let body = state.body(k);
-                (body.shape, body.hull)
-            }
-        };
-        let ((shape, hull), (other, other_hull)) = (form(i), form(j));
+        let ((shape, hull), (other, other_hull)) = (form_of(state, i), form_of(state, j));
         let corners = |hull: PlacedHull<'_, 3>| hull.corners().map(Into::into).collect();
         let shape_of = |shape: &Capsule<3>, hull: Option<PlacedHull<'_, 3>>| match hull {
             Some(hull) => ObstacleShape::Convex { vertices: corners(hull) },

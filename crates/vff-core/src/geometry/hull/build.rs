@@ -3,11 +3,12 @@
 //! parry says which triangles the hull consists of. What lies in one plane is made one face here: a diagonal across the
 //! side of a box is no edge, and a point in the middle of it no corner.
 
+use super::enclosing::distribution;
 use super::farthest::Farthest;
 use super::{Corner, Edge, Face, Facing, Hull};
 use crate::interrupt;
 use crate::math::{Capsule, UnitQuaternion, Vector};
-use nalgebra::{Matrix3, SymmetricEigen};
+use nalgebra::Matrix3;
 use parry3d_f64::math::Vector as Vec3;
 use parry3d_f64::transformation::try_convex_hull;
 use std::collections::{BTreeSet, HashMap};
@@ -220,10 +221,7 @@ impl Scaled {
         let [low, high] = extent(points);
         let size = (high - low).max();
         let points: Vec<_> = points.iter().map(|p| (p - first) / size).collect();
-        #[expect(clippy::cast_precision_loss, reason = "at most 10 000")]
-        let mean = points.iter().sum::<Vector<3>>() / points.len() as f64;
-        let spread = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
-        let axes = SymmetricEigen::<f64, nalgebra::Const<3>>::new(spread).eigenvectors;
+        let (mean, axes) = distribution(&points);
         let along: Vec<_> = points.iter().map(|p| axes.tr_mul(&(p - mean))).collect();
         let [low, high] = extent(&along);
         Self { points, size, axes, extents: high - low }
@@ -260,7 +258,7 @@ impl Scaled {
     }
 }
 
-fn extent(points: &[Vector<3>]) -> [Vector<3>; 2] {
+pub(super) fn extent(points: &[Vector<3>]) -> [Vector<3>; 2] {
     points.iter().fold([points[0]; 2], |[low, high], p| [low.inf(p), high.sup(p)])
 }
 

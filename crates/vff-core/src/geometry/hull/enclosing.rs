@@ -1,6 +1,7 @@
-//! A capsule that holds a hull: what is far from that needs no closer look.
+//! A capsule that holds a hull, and a box that holds points: what is far from these needs no closer look.
 
 use super::Hull;
+use super::build::extent;
 use crate::geometry::perpendicular;
 use crate::math::{Capsule, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -13,10 +14,7 @@ impl Hull {
     /// ball.
     pub fn enclosing(&self) -> Capsule<3> {
         let points: Vec<Vector<3>> = self.corners.iter().map(|corner| corner.point).collect();
-        #[expect(clippy::cast_precision_loss, reason = "at most 64")]
-        let mean = points.iter().sum::<Vector<3>>() / points.len() as f64;
-        let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
-        let axes = SymmetricEigen::<f64, nalgebra::Const<3>>::new(spread).eigenvectors;
+        let (mean, axes) = distribution(&points);
         let ways =
             points.iter().enumerate().flat_map(|(i, a)| points[..i].iter().map(move |b| a - b));
         let longest = ways.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
@@ -30,6 +28,33 @@ impl Hull {
         let size = points.iter().map(|p| p.amax()).fold(0.0, f64::max);
         Capsule { radius: slim.radius + ROUNDING * size, ..slim }
     }
+}
+
+/// The mean of points, and the axes of their distribution, one per column.
+pub(super) fn distribution(points: &[Vector<3>]) -> (Vector<3>, Matrix3<f64>) {
+    #[expect(clippy::cast_precision_loss, reason = "at most 10 000")]
+    let mean = points.iter().sum::<Vector<3>>() / points.len() as f64;
+    let spread = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+    (mean, SymmetricEigen::<f64, nalgebra::Const<3>>::new(spread).eigenvectors)
+}
+
+/// The corners of a small box around points: along the axes of their frame, or along those of their distribution.
+pub(crate) fn box_around(points: &[Vector<3>]) -> [[f64; 3]; 8] {
+    let along = |axes: Matrix3<f64>| {
+        let seen: Vec<Vector<3>> = points.iter().map(|p| axes.tr_mul(p)).collect();
+        (axes, extent(&seen))
+    };
+    let (_, axes) = distribution(points);
+    let boxes = [Matrix3::identity(), axes].map(along);
+    let volume = |(_, [low, high]): &(Matrix3<f64>, [Vector<3>; 2])| (high - low).product();
+    let (axes, [low, high]) =
+        if volume(&boxes[1]) < volume(&boxes[0]) { boxes[1] } else { boxes[0] };
+    let more = Vector::<3>::repeat(ROUNDING * low.amax().max(high.amax()));
+    let ends = [low - more, high + more];
+    std::array::from_fn(|k| {
+        let corner = Vector::<3>::new(ends[k & 1].x, ends[k >> 1 & 1].y, ends[k >> 2].z);
+        (axes * corner).into()
+    })
 }
 
 /// A small ball around points: from their mean towards the farthest, by less and less (Bădoiu and Clarkson, 2003).
@@ -89,6 +114,23 @@ mod tests {
     }
 
     properties! {
+        /// All points are in the box, and none of its sides can be moved in.
+        #[test]
+        fn the_box_holds_all_and_no_more(
+            points in prop::collection::vec([-0.5..0.5, -0.1..0.1, -0.2..0.4], 6..40),
+            away in [-2.0..2.0, -2.0..2.0, -2.0..2.0],
+        ) {
+            let points: Vec<Vector<3>> =
+                points.iter().map(|p| Vector::from(*p) + Vector::from(away)).collect();
+            let hull = Hull::new(&box_around(&points)).unwrap();
+            prop_assert_eq!(hull.faces.len(), 6);
+            for face in hull.faces.iter() {
+                let out = |p: &Vector<3>| face.normal.dot(p) - face.offset;
+                let most = points.iter().map(out).fold(f64::NEG_INFINITY, f64::max);
+                prop_assert!((-1e-10..=0.0).contains(&most), "{}", most);
+            }
+        }
+
         /// Nothing sticks out, not even by rounding.
         #[test]
         fn it_holds_the_corners(vertices in any_vertices()) {

@@ -1,12 +1,8 @@
 //! Bodies of one link that are looked at together first: what is far from a box around them is far from each.
 
-use crate::geometry::{Body, Form, Hull, PlacedHull};
+use crate::geometry::{Body, Form, Hull, PlacedHull, box_around};
 use crate::math::{Capsule, Vector};
-use crate::robot::{Robot, SpatialState};
-use nalgebra::{Matrix3, SymmetricEigen};
-
-/// By how much the box is larger than what it holds, relative to its size, for what rounding makes of it.
-const ROUNDING: f64 = 1e-12;
+use crate::robot::{self, Robot, SpatialState};
 
 /// Hulls that a link carries, and a box around them in their common frame.
 #[derive(Debug, Clone)]
@@ -86,68 +82,14 @@ pub fn link_of<R: Robot<D>, const D: usize>(
     (!is_still).then(|| body_of(robot, bundles, i).link)
 }
 
-/// The same as what is measured of it.
+/// What is measured of a body, a still one or a bundle.
 pub fn form_of<'a, R: Robot<D>, const D: usize>(
     robot: &'a R,
     bundles: &'a [Bundle<D>],
     i: usize,
 ) -> Form<'a, D> {
-    match robot.still_bodies().get(i.wrapping_sub(robot.body_count())) {
-        Some(still) => (still.shape, still.placed_hull()),
-        None => {
-            let body = body_of(robot, bundles, i);
-            (body.shape, body.hull)
-        }
-    }
-}
-
-/// The corners of a small box around points: along the axes of their frame, or along those of their distribution.
-fn box_around(points: &[Vector<3>]) -> [[f64; 3]; 8] {
-    #[expect(clippy::cast_precision_loss, reason = "some hundreds")]
-    let mean = points.iter().sum::<Vector<3>>() / points.len() as f64;
-    let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
-    let axes = SymmetricEigen::<f64, nalgebra::Const<3>>::new(spread).eigenvectors;
-    let sizes = |axes: &Matrix3<f64>| {
-        let seen = || points.iter().map(|p| axes.tr_mul(p));
-        let none = Vector::<3>::repeat(f64::INFINITY);
-        [seen().fold(none, |low, p| low.inf(&p)), seen().fold(-none, |high, p| high.sup(&p))]
-    };
-    let volume = |axes: &Matrix3<f64>| {
-        let [low, high] = sizes(axes);
-        (high - low).product()
-    };
-    let own = Matrix3::identity();
-    let axes = if volume(&axes) < volume(&own) { axes } else { own };
-    let [low, high] = sizes(&axes);
-    let more = Vector::<3>::repeat(ROUNDING * low.amax().max(high.amax()));
-    let ends = [low - more, high + more];
-    std::array::from_fn(|k| {
-        let corner = Vector::<3>::new(ends[k & 1].x, ends[k >> 1 & 1].y, ends[k >> 2].z);
-        (axes * corner).into()
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    properties! {
-        /// All points are in the box, and none of its sides can be moved in.
-        #[test]
-        fn the_box_holds_all_and_no_more(
-            points in prop::collection::vec([-0.5..0.5, -0.1..0.1, -0.2..0.4], 6..40),
-            away in [-2.0..2.0, -2.0..2.0, -2.0..2.0],
-        ) {
-            let points: Vec<Vector<3>> =
-                points.iter().map(|p| Vector::from(*p) + Vector::from(away)).collect();
-            let hull = Hull::new(&box_around(&points)).unwrap();
-            prop_assert_eq!(hull.faces.len(), 6);
-            for face in hull.faces.iter() {
-                let out = |p: &Vector<3>| face.normal.dot(p) - face.offset;
-                let most = points.iter().map(out).fold(f64::NEG_INFINITY, f64::max);
-                prop_assert!((-1e-10..=0.0).contains(&most), "{}", most);
-            }
-        }
+    match bundle_of(robot, bundles, i) {
+        Some(bundle) => bundle.body(robot).form(),
+        None => robot::form_of(robot, i),
     }
 }

@@ -11,7 +11,7 @@ use crate::world::ObstacleGeometry;
 const STEP: f64 = 0.8;
 /// How often an edge into the open is tried at half its length where it is blocked. Others are not: draws about a node are of any
 /// length, and what is left of an edge to the other tree stands before what blocks it, where it is of little use.
-const HALVINGS: usize = 1;
+const HALVINGS: i32 = 1;
 /// Where fewer than one of so many draws makes a tree grow, every other one is made about its nodes; after so many.
 const NARROW: usize = 50;
 /// How far from a node these are: between the longest edge and that much less, as e to this power.
@@ -81,18 +81,18 @@ impl Tree {
         space: &mut FreeSpace<R, S, D>,
         node: usize,
         q: &[f64],
-        halvings: usize,
+        halvings: i32,
     ) -> Step {
         let from = self.nodes[node].clone();
         let whole = distance(&from, q);
         if whole < SAME {
             return Step::Reached(node);
         }
-        let mut share = 2.0 * (STEP / whole).min(1.0);
+        let first = (STEP / whole).min(1.0);
         // From where on no way is free.
         let mut blocked = f64::INFINITY;
-        for _ in 0..=halvings {
-            share *= 0.5;
+        for halving in 0..=halvings {
+            let share = first * 0.5_f64.powi(halving);
             if share >= blocked {
                 continue;
             }

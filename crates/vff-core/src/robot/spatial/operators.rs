@@ -9,7 +9,7 @@ use super::task::TaskForces;
 use super::{dense, task};
 use crate::geometry::{Body, ContactFeature, StillBody, contact_features};
 use crate::math::{Pointing, SpatialPose, Vector};
-use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm};
+use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm, form_of};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -454,7 +454,7 @@ impl Robot<3> for SpatialState {
         features: Option<f64>,
         visit: &mut dyn FnMut(&ContactFeature<3>),
     ) {
-        contact_features(pair.map(|i| self.form(i)).each_ref(), features, visit);
+        contact_features(pair.map(|i| form_of(self, i)).each_ref(), features, visit);
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {

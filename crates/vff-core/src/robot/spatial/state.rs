@@ -5,7 +5,7 @@ use super::algebra::{ArticulatedInertia, Inertia, Spatial};
 use super::arm::{Fixed, FixedBody, Frame};
 use super::joint::{Joint, Tool};
 use super::task::{TaskForces, force, rows};
-use crate::geometry::{Body, Form, PlacedHull};
+use crate::geometry::{Body, PlacedHull};
 use crate::math::{Capsule, UnitQuaternion, Vector, sin_cos, unit_vectors};
 use crate::robot::Robot;
 use nalgebra::{Matrix3, SMatrix, SVector};
@@ -89,17 +89,6 @@ impl SpatialState {
             shape: Capsule { start, direction, length, radius },
             hull: hull.as_deref().map(carried),
             is_load: *is_load,
-        }
-    }
-
-    /// Body `i` as it is, those of the base behind the others.
-    pub(super) fn form(&self, i: usize) -> Form<'_> {
-        match self.arm.still.get(i.wrapping_sub(self.arm.bodies.len())) {
-            None => {
-                let Body { shape, hull, .. } = self.body(i);
-                (shape, hull)
-            }
-            Some(still) => (still.shape, still.placed_hull()),
         }
     }
 

@@ -132,18 +132,17 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     fn ask(&mut self, two: Near, half: f64, ends: Ends<'_>, near: &mut Vec<Near>) -> Option<Two> {
         match self.look(two, half).0 {
             Look::Apart => return None,
-            Look::Near if half >= SHORTEST => near.push(two),
-            _ => match self.members(two.two) {
-                None => return Some(two.two),
-                Some(members) => {
-                    return members.into_iter().find_map(|member| {
-                        let member = self.near(member, ends);
-                        self.ask(member, half, ends, near)
-                    });
-                }
-            },
+            Look::Near if half >= SHORTEST => {
+                near.push(two);
+                return None;
+            }
+            Look::Near | Look::Blocked => {}
         }
-        None
+        let Some(members) = self.members(two.two) else { return Some(two.two) };
+        members.into_iter().find_map(|member| {
+            let member = self.near(member, ends);
+            self.ask(member, half, ends, near)
+        })
     }
 
     /// What two of which one is a bundle stand for.

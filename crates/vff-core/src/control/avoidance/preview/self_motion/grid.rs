@@ -182,7 +182,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         obstacles.reserve(surroundings.count());
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
         surroundings.obstacles_near(bodies, REACH, *chance, obstacles);
-        obstacles.sort_by_key(|j| surroundings.may_come(*j));
+        obstacles.sort_unstable_by_key(|j| (surroundings.may_come(*j), *j));
         *there = obstacles.partition_point(|j| !surroundings.may_come(*j));
         self.pairs.clear();
         self.pairs.reserve(self.obstacles.len() * self.bodies.len());
