@@ -1181,7 +1181,8 @@ class Perceiver:
         is hidden is remembered; ``margin``: 0.02 m around the arm are cut away, and as much more as it moves
         in ``time_error``, 0.02 s; ``time_offset``: 0 s are added to times of pictures; ``latest_state``: one
         of the arm is known within 0.05 s; ``depth_error``: 0.005 m at 1 m; ``hidden``, 0 m: bodies up to this
-        wide are taken for as deep as they are wide, and have points on the side that is not seen;
+        wide are taken for as deep as they are wide, and have points on the side that is not seen, round ones
+        all around;
         ``known_margin``: 0.02 m around what is known are left out; ``settling``: what is in its place for 1 s
         counts as standing; ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m:
         standard deviations of bodies that are followed. The numbers are the defaults.

@@ -2,6 +2,7 @@
 //! of an arm is left, what is remembered, and what is refused.
 
 mod hard_scenes;
+mod round;
 
 use std::sync::Arc;
 use vff_core::geometry::Shape;

@@ -5,9 +5,12 @@
 //! cells that hang together are followed (`tracks`). Work and memory are bounded by the settings before anything begins.
 
 mod camera;
+mod estimate;
 mod hidden;
 mod history;
+mod long;
 mod look;
+mod round;
 mod self_filter;
 mod settings;
 mod surface;
@@ -28,6 +31,7 @@ use crate::world::space::{MAX_POINTS, Obstacle, World};
 use camera::Camera;
 use history::{History, LEAP};
 use look::Look;
+use round::Round;
 use self_filter::SelfFilter;
 use std::sync::Arc;
 use tracks::Tracks;
@@ -187,6 +191,8 @@ pub struct Perceiver {
     history: History,
     map: VoxelMap,
     tracks: Tracks,
+    /// Those that stand for their cells.
+    round: Vec<Round>,
     q: Vec<f64>,
     dq: Vec<f64>,
 }
@@ -255,6 +261,7 @@ impl Perceiver {
             history: History::of(arm),
             map,
             tracks: Tracks::default(),
+            round: vec![],
             q: vec![0.0; n],
             dq: vec![0.0; n],
         })
@@ -292,8 +299,9 @@ impl Perceiver {
         {
             self.robot.update(&self.q, &self.dq);
             let taken_up = SelfFilter::of_load(&self.robot, self.settings.margin);
-            self.map.drop_where(t, |point| taken_up.clearance(point, f64::INFINITY) < 0.0);
+            self.map.drop_where(|voxel| taken_up.clearance(&voxel.at(t), f64::INFINITY) < 0.0);
         }
+        self.cover();
         Ok(())
     }
 
@@ -303,6 +311,7 @@ impl Perceiver {
         self.history.forget();
         self.map.forget();
         self.tracks = Tracks::default();
+        self.round.clear();
     }
 
     /// Takes in a state of the arm: angles \[rad, m\] and velocities \[rad/s, m/s\] at time `t` \[s\], (n) each. The last 512 are kept.
@@ -332,6 +341,7 @@ impl Perceiver {
             self.last.iter_mut().for_each(|last| *last = last.map(|last| last.min(before)));
             self.map.go_back(t);
             self.tracks.forget();
+            self.cover();
         }
     }
 
@@ -466,19 +476,45 @@ impl Perceiver {
             let (found, widest) = (self.tracks.found(), self.settings.hidden);
             hidden::bound(&mut self.map, found, eye.origin(), widest, is_cut_away);
         }
+        self.cover();
         counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
         Ok(counts)
     }
 
+    /// Says which round bodies stand for what is remembered of them: those of which something is, as long as there is room.
+    fn cover(&mut self) {
+        let (t, radius, side) =
+            (self.last().unwrap_or_default(), self.map.half_diagonal(), self.settings.voxel);
+        self.round = self.tracks.round(t);
+        let voxels = self.map.voxels_mut();
+        interrupt::checkpoint(4 * voxels.len() * (1 + self.round.len()));
+        let taken = voxels.iter().map(|voxel| 1 + usize::from(voxel.is_deep())).sum();
+        let most = self.settings.most_voxels * self.settings.points_of_a_cell();
+        let mut room = most.saturating_sub(taken);
+        self.round.retain(|round| {
+            let is_there = voxels.iter().any(|voxel| round.holds(&voxel.at(t), side)[0]);
+            let left = room.checked_sub(round.count(radius)).filter(|_| is_there);
+            room = left.unwrap_or(room);
+            left.is_some()
+        });
+        for voxel in voxels {
+            voxel.is_covered = self.round.iter().any(|round| round.holds(&voxel.at(t), side)[1]);
+        }
+    }
+
     /// The cloud at the time of the [`last`](Self::last) picture: points \[m\], each with the velocity at which it goes on from
     /// there \[m/s\]. What moved when it was hidden goes on for 0.3 s, and stays where it has come to. Where the settings reckon with what
-    /// bodies hide, the points behind them are the last.
+    /// bodies hide, the points behind them are the last, and those all around bodies that are round.
     pub fn points(&self) -> impl Iterator<Item = (Vector<3>, Vector<3>)> + '_ {
-        let t = self.last().unwrap_or_default();
-        let voxels = self.map.voxels().iter();
+        let (t, radius) = (self.last().unwrap_or_default(), self.map.half_diagonal());
+        let voxels = self.map.voxels().iter().filter(|voxel| !voxel.is_covered);
         let seen = voxels.clone().map(move |voxel| (voxel.at(t), voxel.velocity_at(t)));
-        let deep = voxels.filter(|voxel| voxel.behind != Vector::<3>::zeros());
-        seen.chain(deep.map(move |voxel| (voxel.at(t) + voxel.behind, voxel.velocity_at(t))))
+        let deep = voxels.filter(|voxel| voxel.is_deep());
+        let behind = deep.map(move |voxel| (voxel.at(t) + voxel.behind, voxel.velocity_at(t)));
+        let around = self.round.iter().flat_map(move |round| {
+            (0..round.count(radius)).map(move |k| (round.point(k, radius), round.velocity))
+        });
+        seen.chain(behind).chain(around)
     }
 
     /// The bodies that are followed.

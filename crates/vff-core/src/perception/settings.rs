@@ -40,7 +40,7 @@ settings! {
         latest_state: f64 = 0.05, "s", NOT_NEGATIVE;
         /// The error of a depth at 1 m; it grows with the square of the depth.
         depth_error: f64 = 0.005, "m", NOT_NEGATIVE;
-        /// A body that is not wider than this is taken for as deep as it is wide: its points are doubled, seen from the camera behind it; 0 doubles none.
+        /// A body that is not wider than this is taken for as deep as it is wide: its points are doubled, seen from the camera behind it, and one that is round has points all around; 0 adds none.
         hidden: f64 = 0.0, "m", NOT_NEGATIVE;
         /// What is left out around what is known.
         known_margin: f64 = 0.02, "m", NOT_NEGATIVE;

@@ -1,11 +1,14 @@
 //! Bodies that are seen, and how they move (T184): cells that hang together, followed from picture to picture by a Kalman filter.
 //!
-//! What is followed is the mean of the points of a body, the direction of one that is long (T197), and where it is cut off at the
-//! end of the picture the box around it. The noise of all coordinates is taken for the same, so that one symmetric matrix of
+//! What is followed is the mean of the points of a body, the direction of one that is long (T197), the middle of one that is round
+//! (T205), and where it is cut off at the end of the picture the box around it. The noise of all coordinates is taken for the same, so that one symmetric matrix of
 //! 2 × 2 is the covariance of each.
 
 use super::PerceiverSettings;
-use super::voxels::{COASTS, VoxelMap};
+use super::estimate::{BELIEVED, Estimate, GATE, SIGNIFICANT};
+use super::long::{Axis, CORNER};
+use super::round::{Ball, Round};
+use super::voxels::{COASTS, Voxel, VoxelMap};
 use crate::math::Vector;
 use nalgebra::Matrix3;
 
@@ -13,15 +16,7 @@ use nalgebra::Matrix3;
 const MAX_TRACKS: usize = 64;
 /// A body has so many cells at least.
 const LEAST: usize = 3;
-/// What is farther from where a body is expected than so many standard deviations is another one.
-const GATE: f64 = 4.0;
-/// A velocity of less than so many standard deviations is none.
-const SIGNIFICANT: f64 = 2.0;
-/// From so many pictures on, one after the other as expected, a velocity is believed.
-const BELIEVED: usize = 3;
 
-/// The standard deviation of a corner, by that of a mean: it is a matter of few points.
-const CORNER: f64 = 3.0;
 /// A body is long if the variance of its points along it is so many times the next one: more than that of two balls that touch.
 const LONG: f64 = 9.0;
 
@@ -82,112 +77,6 @@ impl Track {
     }
 }
 
-/// Place and velocity of something, as far as they are known.
-#[derive(Debug, Clone)]
-struct Estimate {
-    position: Vector<3>,
-    velocity: Vector<3>,
-    /// As of a [`Track`].
-    covariance: [f64; 3],
-    /// In how many pictures it was where it was expected.
-    seen: usize,
-}
-
-impl Estimate {
-    /// Of something seen for the first time.
-    fn new(position: Vector<3>, variance: f64, speed: f64) -> Self {
-        Self {
-            position,
-            velocity: Vector::zeros(),
-            covariance: [variance, 0.0, speed * speed],
-            seen: 1,
-        }
-    }
-
-    /// Goes on for a time \[s\] at constant velocity, while an acceleration that nobody knows acts on it.
-    fn predict(&mut self, h: f64, acceleration: f64) {
-        let [a, b, c] = self.covariance;
-        let noise = acceleration * acceleration * h * h;
-        self.position += self.velocity * h;
-        self.covariance = [
-            a + h * (2.0 * b + h * c) + 0.25 * noise * h * h,
-            b + h * c + 0.5 * noise * h,
-            c + noise,
-        ];
-    }
-
-    /// Takes in where it is seen \[m\], with this variance \[m²\].
-    fn correct(&mut self, position: &Vector<3>, variance: f64) {
-        let [a, b, c] = self.covariance;
-        let [of_place, of_velocity] = [a, b].map(|x| x / (a + variance));
-        let off = position - self.position;
-        self.position += off * of_place;
-        self.velocity += off * of_velocity;
-        self.covariance = [a * (1.0 - of_place), b * (1.0 - of_place), c - of_velocity * b];
-        self.seen += 1;
-    }
-
-    /// Takes in where it is seen; what is too far off for it has not gone there, but is another place, and begins anew.
-    fn follow(&mut self, position: &Vector<3>, variance: f64, speed: f64) {
-        let expected = self.covariance[0] + variance;
-        if (position - self.position).norm_squared() > GATE * GATE * expected {
-            *self = Self::new(*position, variance, speed);
-        } else {
-            self.correct(position, variance);
-        }
-    }
-}
-
-/// Along what a long body lies, and how fast that turns: a unit vector and its rate (T197).
-#[derive(Debug, Clone)]
-struct Axis {
-    direction: Estimate,
-    /// Half of how long it is \[m\].
-    half: f64,
-}
-
-impl Axis {
-    /// Of what is seen of a body for the first time.
-    fn new((along, half): (Vector<3>, f64), settings: &PerceiverSettings) -> Self {
-        let variance = Self::variance(half, settings);
-        Self { direction: Estimate::new(along, variance, settings.speed / half), half }
-    }
-
-    /// Of its direction \[rad²\], as an end is known as well as a corner.
-    fn variance(half: f64, settings: &PerceiverSettings) -> f64 {
-        (CORNER * settings.track_error / half).powi(2)
-    }
-
-    /// Turns on for a time \[s\].
-    fn predict(&mut self, h: f64, acceleration: f64) {
-        let Estimate { position: along, velocity: rate, .. } = self.direction;
-        self.direction.predict(h, acceleration / self.half);
-        let speed = rate.norm();
-        if speed > 0.0 {
-            let (sin, cos) = (speed * h).sin_cos();
-            self.direction.position = along * cos + rate * (sin / speed);
-            self.direction.velocity = rate * cos - along * (speed * sin);
-        }
-    }
-
-    /// Takes in along what the body is seen to lie; that has no sign.
-    fn follow(&mut self, (along, half): (Vector<3>, f64), settings: &PerceiverSettings) {
-        let Self { direction, half: known } = self;
-        *known = half;
-        let along = if along.dot(&direction.position) < 0.0 { -along } else { along };
-        direction.follow(&along, Self::variance(half, settings), settings.speed / half);
-        direction.position = direction.position.normalize();
-        direction.velocity -= direction.position * direction.position.dot(&direction.velocity);
-    }
-
-    /// The angular velocity \[rad/s\], zero where it is not certain.
-    fn turning(&self) -> Vector<3> {
-        let Estimate { position, velocity, covariance, seen } = &self.direction;
-        let is_certain = *seen >= BELIEVED && velocity.norm() > SIGNIFICANT * covariance[2].sqrt();
-        if is_certain { position.cross(velocity) } else { Vector::zeros() }
-    }
-}
-
 /// How the points of a body go on.
 #[derive(Debug, Clone, Copy, Default)]
 struct Twist {
@@ -216,6 +105,7 @@ struct Body {
     is_cut: bool,
     mean: Estimate,
     axis: Option<Axis>,
+    ball: Option<Ball>,
     corners: [Estimate; 2],
 }
 
@@ -240,6 +130,7 @@ impl Body {
             is_cut: cluster.is_cut,
             mean: Estimate::new(cluster.mean(), variance, speed),
             axis: cluster.length().map(|length| Axis::new(length, settings)),
+            ball: None,
             corners: cluster.corners.map(|at| Estimate::new(at, of_corner, speed)),
         }
     }
@@ -250,6 +141,7 @@ impl Body {
         self.mean.predict(h, acceleration);
         self.corners.iter_mut().for_each(|corner| corner.predict(h, acceleration));
         self.axis.iter_mut().for_each(|axis| axis.predict(h, acceleration));
+        self.ball.iter_mut().for_each(|ball| ball.centre.predict(h, acceleration));
         self.time = self.time.max(t);
     }
 
@@ -272,6 +164,29 @@ impl Body {
         (self.points, self.is_cut) = (cluster.points as usize, cluster.is_cut);
     }
 
+    /// Takes in where the cells are that are seen of it, if it may be a ball.
+    fn follow_ball(&mut self, points: &[Vector<3>], settings: &PerceiverSettings) {
+        self.ball = match self.ball.take() {
+            Some(mut ball) => ball.follow(points, settings).then_some(ball),
+            None => Ball::new(points, settings),
+        };
+    }
+
+    /// The ball that it is for certain.
+    fn ball(&self) -> Option<&Ball> {
+        self.ball.as_ref().filter(|ball| ball.is_believed())
+    }
+
+    /// The ball that it is, at a time \[s\]: goes on for a while where nothing of it is seen.
+    fn round(&self, t: f64) -> Option<Round> {
+        let ball = self.ball()?;
+        let Twist { velocity, .. } = self.twist(Vector::zeros());
+        let hidden = t - self.last;
+        let seen = ball.centre.position - ball.centre.velocity * (self.time - self.last);
+        let now = if hidden < COASTS { velocity } else { Vector::zeros() };
+        Some(ball.round(seen + velocity * hidden.min(COASTS), now))
+    }
+
     /// Velocity and covariance as its sides have them, which are those of the less certain one.
     fn of_sides(&self) -> (Vector<3>, [f64; 3]) {
         let [low, high] = &self.corners;
@@ -288,13 +203,16 @@ impl Body {
     fn track(&self) -> Track {
         let Self { number, camera, last, seen, points, is_cut, mean, axis, .. } = self;
         let of_mean = (mean.velocity, mean.covariance);
-        let (velocity, covariance) = if *is_cut { self.of_sides() } else { of_mean };
+        let of_centre = self.ball().map(|ball| (ball.centre.velocity, ball.centre.covariance));
+        let (velocity, covariance) =
+            of_centre.unwrap_or_else(|| if *is_cut { self.of_sides() } else { of_mean });
+        let axis = axis.as_ref().filter(|_| of_centre.is_none());
         Track {
             number: *number,
             camera: *camera,
             position: mean.position,
             velocity,
-            angular_velocity: axis.as_ref().map(Axis::turning).unwrap_or_default(),
+            angular_velocity: axis.map(Axis::turning).unwrap_or_default(),
             covariance,
             time: *last,
             seen: *seen,
@@ -324,6 +242,29 @@ struct Cluster {
 }
 
 impl Cluster {
+    /// Of nothing yet.
+    fn new() -> Self {
+        Self {
+            sum: Vector::zeros(),
+            outer: Matrix3::zeros(),
+            corners: [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)],
+            is_cut: false,
+            points: 0,
+            cells: 0,
+        }
+    }
+
+    /// Takes in a cell that is hit: not its point, which may be that of a later picture of another camera.
+    fn add(&mut self, voxel: &Voxel) {
+        self.sum += voxel.sum;
+        self.outer += voxel.sum * voxel.sum.transpose() / f64::from(voxel.hits);
+        let ([low, high], [bottom, top]) = (self.corners, &voxel.corners);
+        self.corners = [low.inf(bottom), high.sup(top)];
+        self.is_cut |= voxel.is_cut;
+        self.points += voxel.hits;
+        self.cells += 1;
+    }
+
     fn mean(&self) -> Vector<3> {
         self.sum / f64::from(self.points)
     }
@@ -366,6 +307,11 @@ impl Tracks {
         self.clusters.len()
     }
 
+    /// The balls that bodies are, at a time \[s\].
+    pub(super) fn round(&self, t: f64) -> Vec<Round> {
+        self.bodies.iter().filter_map(|body| body.round(t)).collect()
+    }
+
     /// Finds the bodies in the picture of a camera at time `t` \[s\], follows them, and tells the cells that it has hit at which
     /// velocity they go on.
     pub(super) fn update(
@@ -375,22 +321,30 @@ impl Tracks {
         t: f64,
         settings: &PerceiverSettings,
     ) {
-        self.find(map, t, settings.settling);
         // However short the memory of places is, from picture to picture it has to be the same body.
         let memory = settings.memory.max(COASTS);
         self.bodies.retain(|body| (t - body.last).abs() <= memory);
         let own = |body: &&mut Body| body.camera == camera;
         self.bodies.iter_mut().filter(own).for_each(|body| body.predict(t, settings.acceleration));
-        let mut twists = vec![Twist::default(); self.clusters.len()];
+        let expected = self.expect(map, camera, settings);
+        self.find(map, t, settings.settling, expected.len());
+        let mut points = vec![vec![]; self.clusters.len()];
+        for voxel in map.voxels().iter().filter(|voxel| voxel.hits > 0) {
+            points.get_mut(voxel.cluster as usize).into_iter().for_each(|it| it.push(voxel.seen()));
+        }
+        let mut twists = vec![(Twist::default(), None); self.clusters.len()];
         let mut is_taken = vec![false; self.bodies.len()];
         let mut left: Vec<usize> =
             (0..self.clusters.len()).filter(|k| self.clusters[*k].cells >= LEAST).collect();
-        // The largest first, as many as there can be.
-        for _ in 0..MAX_TRACKS {
-            let largest = (0..left.len()).max_by_key(|i| self.clusters[left[*i]].points);
-            let Some(k) = largest.map(|i| left.swap_remove(i)) else { break };
+        // Those that are where they are expected, and then the largest first, as many as there can be.
+        let order = |k: &usize| (*k < expected.len(), self.clusters[*k].points);
+        left.sort_by_key(|k| std::cmp::Reverse(order(k)));
+        for k in left.into_iter().take(MAX_TRACKS) {
             let cluster = self.clusters[k];
-            let place = match self.nearest(&cluster.mean(), camera, &is_taken, settings) {
+            let known = expected.get(k).copied();
+            let place = match known
+                .or_else(|| self.nearest(&cluster.mean(), camera, &is_taken, settings))
+            {
                 Some(place) => {
                     self.bodies[place].follow(&cluster, t, settings);
                     place
@@ -402,14 +356,44 @@ impl Tracks {
                 }
             };
             is_taken[place] = true;
-            twists[k] = self.bodies[place].twist(cluster.mean());
+            let body = &mut self.bodies[place];
+            body.follow_ball(&points[k], settings);
+            twists[k] = (body.twist(cluster.mean()), body.ball().map(|_| body.number));
         }
         for voxel in map.voxels_mut().iter_mut().filter(|voxel| voxel.hits > 0) {
-            let twist = twists.get(voxel.cluster as usize);
-            voxel.velocity = twist.map(|twist| twist.at(&voxel.point)).unwrap_or_default();
+            let (twist, round) = twists.get(voxel.cluster as usize).copied().unwrap_or_default();
+            (voxel.velocity, voxel.round) = (twist.at(&voxel.point), round);
             // What another camera has hit in a later picture is told for that time.
             voxel.point += voxel.velocity * (voxel.last - t).min(COASTS);
         }
+        // What was seen of a ball has gone on with it, wherever no camera looks.
+        let seen: Vec<Option<u64>> = twists.iter().map(|(_, round)| *round).collect();
+        map.drop_where(|voxel| {
+            voxel.hits == 0 && voxel.round.is_some() && seen.contains(&voxel.round)
+        });
+    }
+
+    /// Numbers the cells that are hit where a ball of a camera is expected, and says which bodies these are.
+    #[expect(clippy::cast_possible_truncation, reason = "few")]
+    fn expect(
+        &self,
+        map: &mut VoxelMap,
+        camera: usize,
+        settings: &PerceiverSettings,
+    ) -> Vec<usize> {
+        let own = |(_, body): &(usize, &Body)| body.camera == camera;
+        let (places, balls): (Vec<_>, Vec<_>) = (self.bodies.iter().enumerate().filter(own))
+            .filter_map(|(place, body)| Some((place, body.ball()?)))
+            .unzip();
+        for voxel in map.voxels_mut().iter_mut().filter(|voxel| voxel.hits > 0) {
+            let point = voxel.seen();
+            let on = |(k, ball): (usize, &&Ball)| Some((k, ball.distance_on(&point, settings)?));
+            let found = balls.iter().enumerate().filter_map(on);
+            if let Some((k, _)) = found.min_by(|a, b| a.1.total_cmp(&b.1)) {
+                voxel.cluster = k as u32;
+            }
+        }
+        places
     }
 
     /// Which body of a camera is seen here \[m\], of those that are not taken.
@@ -454,24 +438,22 @@ impl Tracks {
         self.bodies.len() - 1
     }
 
-    /// Numbers the cells that hang together, of those that were hit and are not taken for long: what stands is not beside them.
+    /// Numbers the cells that hang together, of those that were hit and are not taken for long: what stands is not beside them. The
+    /// first ones are numbered already.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
-    fn find(&mut self, map: &mut VoxelMap, t: f64, settling: f64) {
+    fn find(&mut self, map: &mut VoxelMap, t: f64, settling: f64, numbered: usize) {
         self.clusters.clear();
+        self.clusters.resize(numbered, Cluster::new());
+        for voxel in map.voxels().iter().filter(|voxel| voxel.hits > 0) {
+            self.clusters.get_mut(voxel.cluster as usize).into_iter().for_each(|it| it.add(voxel));
+        }
         let stands = |map: &VoxelMap, place: usize| {
             let voxel = &map.voxels()[place];
             t - voxel.since > settling
         };
         for start in 0..map.voxels().len() {
             let number = self.clusters.len() as u32;
-            let mut cluster = Cluster {
-                sum: Vector::zeros(),
-                outer: Matrix3::zeros(),
-                corners: [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)],
-                is_cut: false,
-                points: 0,
-                cells: 0,
-            };
+            let mut cluster = Cluster::new();
             self.queue.clear();
             self.queue.push(start);
             while let Some(place) = self.queue.pop() {
@@ -484,14 +466,7 @@ impl Tracks {
                 if beside {
                     continue;
                 }
-                // Not its point, which may be that of a later picture of another camera.
-                cluster.sum += voxel.sum;
-                cluster.outer += voxel.sum * voxel.sum.transpose() / f64::from(voxel.hits);
-                let ([low, high], [bottom, top]) = (cluster.corners, &voxel.corners);
-                cluster.corners = [low.inf(bottom), high.sup(top)];
-                cluster.is_cut |= voxel.is_cut;
-                cluster.points += voxel.hits;
-                cluster.cells += 1;
+                cluster.add(voxel);
                 map.voxels_mut()[place].cluster = number;
                 let queue = &mut self.queue;
                 map.for_each_neighbour(place, |other| queue.push(other));
@@ -500,57 +475,5 @@ impl Tracks {
                 self.clusters.push(cluster);
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A rod that turns steadily about any axis across it: how fast is known after a few pictures, and once it has been turned by
-    /// hand, not before a few more.
-    #[test]
-    fn turning_comes_of_directions() {
-        let settings = PerceiverSettings::default();
-        let across = Vector::<3>::new(0.3, -0.5, 0.8).normalize();
-        let along = across.cross(&Vector::x()).normalize();
-        let (rate, h) = (2.5, 1.0 / 30.0);
-        let at = |angle: f64| (along * angle.cos() + across.cross(&along) * angle.sin(), 0.2);
-        let mut axis = Axis::new(at(0.0), &settings);
-        for k in 1..40 {
-            axis.predict(h, settings.acceleration);
-            let (seen, half) = at(rate * h * f64::from(k));
-            axis.follow((if k % 2 == 0 { seen } else { -seen }, half), &settings);
-            if k >= 5 {
-                let off = (axis.turning() - across * rate).norm();
-                assert!(off < 0.1, "{k}: {}", axis.turning());
-            }
-        }
-        axis.predict(h, settings.acceleration);
-        axis.follow(at(rate * h * 40.0 + 1.0), &settings);
-        assert_eq!(axis.turning(), Vector::<3>::zeros());
-    }
-
-    /// From four places that are known to a millimetre its velocity is known, and the covariance is that of the matrix form.
-    #[test]
-    fn velocities_come_of_places() {
-        let velocity = Vector::<3>::new(0.3, -0.4, 0.0);
-        let mut track = Estimate::new(Vector::zeros(), 1e-6, 1.0);
-        let mut p = nalgebra::Matrix2::new(1e-6, 0.0, 0.0, 1.0);
-        let (h, a) = (1.0 / 30.0, 3.0);
-        for k in 1..4 {
-            let t = h * f64::from(k);
-            track.predict(h, a);
-            track.correct(&(velocity * t), 1e-6);
-            let f = nalgebra::Matrix2::new(1.0, h, 0.0, 1.0);
-            let g = nalgebra::Vector2::new(0.5 * h * h, h) * a;
-            p = f * p * f.transpose() + g * g.transpose();
-            let gain = p.column(0) / (p[(0, 0)] + 1e-6);
-            p -= gain * p.row(0);
-            let [place, both, speed] = track.covariance;
-            let found = nalgebra::Matrix2::new(place, both, both, speed);
-            assert!((found - p).norm() < 1e-12, "{found} {p}");
-        }
-        assert!((track.velocity - velocity).norm() < 0.01);
     }
 }

@@ -66,6 +66,9 @@ pub(super) struct Voxel {
     pub(super) arm: Arm,
     /// Of the present picture: which cluster it belongs to.
     pub(super) cluster: u32,
+    /// Which round body it was seen as last, and whether one that is shown stands for it.
+    pub(super) round: Option<u64>,
+    pub(super) is_covered: bool,
 }
 
 /// A box of cells.
@@ -201,6 +204,8 @@ impl VoxelMap {
                     is_cut: false,
                     arm: Arm::Outside,
                     cluster: NONE,
+                    round: None,
+                    is_covered: false,
                 });
                 place
             }
@@ -246,7 +251,7 @@ impl VoxelMap {
             }
             if voxel.is_hit(&least) {
                 voxel.odds = (voxel.odds + HIT).min(SURE);
-                voxel.point = voxel.sum / f64::from(voxel.hits);
+                voxel.point = voxel.seen();
                 voxel.since = voxel.since.min(t);
                 voxel.last = voxel.last.max(t); // another camera's picture may be later, to which it goes on
                 voxel.camera = camera;
@@ -266,11 +271,11 @@ impl VoxelMap {
         }
     }
 
-    /// Forgets the cells whose points are such at time `t` \[s\].
-    pub(super) fn drop_where(&mut self, t: f64, is_such: impl Fn(&Vector<3>) -> bool) {
+    /// Forgets the cells that are such.
+    pub(super) fn drop_where(&mut self, is_such: impl Fn(&Voxel) -> bool) {
         let mut place = 0;
         while let Some(voxel) = self.voxels.get(place) {
-            if is_such(&voxel.at(t)) { self.remove(place) } else { place += 1 }
+            if is_such(voxel) { self.remove(place) } else { place += 1 }
         }
     }
 
@@ -318,8 +323,7 @@ impl VoxelMap {
 impl Voxel {
     /// Whether the present picture has as many points in it as are asked for where they are.
     fn is_hit(&self, least: &impl Fn(&Vector<3>) -> f64) -> bool {
-        let hits = f64::from(self.hits);
-        self.hits > 0 && hits >= least(&(self.sum / hits))
+        self.hits > 0 && f64::from(self.hits) >= least(&self.seen())
     }
 
     /// Where the points in it have gone on to at time `t` \[s\].
@@ -327,9 +331,19 @@ impl Voxel {
         self.point + self.velocity * (t - self.last).min(COASTS)
     }
 
+    /// Whether it is reckoned with what is behind it.
+    pub(super) fn is_deep(&self) -> bool {
+        self.behind != Vector::<3>::zeros()
+    }
+
     /// At which velocity they go on from there \[m/s\].
     pub(super) fn velocity_at(&self, t: f64) -> Vector<3> {
         if t - self.last < COASTS { self.velocity } else { Vector::zeros() }
+    }
+
+    /// The mean of the points of the present picture in it, which may not be the last one.
+    pub(super) fn seen(&self) -> Vector<3> {
+        self.sum / f64::from(self.hits)
     }
 
     /// Takes in a point that is in it \[m\], which may be one at the end of the picture.

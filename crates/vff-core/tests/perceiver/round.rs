@@ -1,0 +1,150 @@
+//! Round bodies: followed by their middles, whatever hides a part of them, and known all around.
+
+use super::*;
+
+fn deep_perceiver(eye: &DepthCamera) -> Perceiver {
+    let settings = PerceiverSettings { stride: 1, hidden: 0.3, ..PerceiverSettings::default() };
+    Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap()
+}
+
+/// Directions all around.
+fn all_around() -> impl Iterator<Item = V> {
+    (0..200_i32).map(|k| {
+        let spread = |step: f64| (step * f64::from(k)).fract() - 0.5;
+        V::new(spread(0.618), spread(0.7549), spread(0.5698)).normalize()
+    })
+}
+
+/// How far balls at the points near a ball go beyond its surface, at least and at most, of all directions.
+fn beyond(perceiver: &Perceiver, thing: &Capsule) -> [f64; 2] {
+    let points: Vec<V> = perceiver.points().map(|(point, _)| point - thing.a).collect();
+    let near: Vec<V> = points.into_iter().filter(|p| p.norm() < thing.radius + 0.1).collect();
+    let radius = perceiver.radius();
+    // The farthest end of a line through the middle that is within a ball.
+    let end = |away: V| {
+        let of_ball = |p: &V| {
+            let along = away.dot(p);
+            let root = radius * radius - (p.norm_squared() - along * along);
+            if root >= 0.0 { along + root.sqrt() } else { f64::NEG_INFINITY }
+        };
+        near.iter().map(of_ball).fold(f64::NEG_INFINITY, f64::max) - thing.radius
+    };
+    let ends: Vec<f64> = all_around().map(end).collect();
+    [ends.iter().copied().fold(f64::INFINITY, f64::min), ends.into_iter().fold(-1.0, f64::max)]
+}
+
+/// The same with one side alone, as it is seen.
+fn flat_perceiver(eye: &DepthCamera) -> Perceiver {
+    let settings = PerceiverSettings { stride: 1, ..PerceiverSettings::default() };
+    Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap()
+}
+
+/// A ball that passes below a bar, which hides up to half of it: its velocity stays what it is, where that of the mean of what is
+/// seen does not, and it is known all around to a few millimetres.
+#[test]
+fn a_ball_below_a_bar_is_known_all_around() {
+    let eye = camera(2);
+    let velocity = V::new(0.05, 0.4, -0.1);
+    let at = |t: f64| V::new(0.4, -0.25, 0.5) + velocity * t;
+    let bar = Capsule { a: V::new(-0.1, 0.02, 0.9), b: V::new(0.9, 0.02, 0.9), radius: 0.02 };
+    let (mut deep, mut flat) = (deep_perceiver(&eye), flat_perceiver(&eye));
+    let mut worst = [0.0_f64; 2];
+    for k in 0..36 {
+        let t = PERIOD * f64::from(k);
+        let thing = ball(at(t).into(), 0.07);
+        for (perceiver, worst) in [&mut deep, &mut flat].into_iter().zip(&mut worst) {
+            show(perceiver, &eye, t, &[thing, bar]);
+            if k >= 8 {
+                let near = perceiver.points().filter(|(point, _)| (point - at(t)).norm() < 0.08);
+                let off: Vec<f64> = near.map(|(_, moving)| (moving - velocity).norm()).collect();
+                *worst = worst.max(off.iter().sum::<f64>() / off.len() as f64);
+            }
+        }
+        if k >= 8 {
+            let [least, most] = beyond(&deep, &thing);
+            assert!(least > -0.008 && most < 0.015, "{k}: {least} to {most}");
+        }
+    }
+    assert!(worst[0] < 0.05 && worst[1] > 0.1, "{worst:?}");
+}
+
+/// Two balls that touch for a while are two, each with its velocity.
+#[test]
+fn balls_that_meet_are_two() {
+    let eye = camera(2);
+    let speed = 0.3;
+    let at = |t: f64| [[0.35, -0.2 + speed * t, 0.4], [0.51, 0.2 - speed * t, 0.4]];
+    let mut perceiver = deep_perceiver(&eye);
+    for k in 0..40 {
+        let t = PERIOD * f64::from(k);
+        let things = at(t).map(|place| ball(place, 0.075));
+        show(&mut perceiver, &eye, t, &things);
+        if k < 9 {
+            continue;
+        }
+        for (thing, velocity) in things.iter().zip([speed, -speed]) {
+            let own = perceiver.points().filter(|(point, _)| (point - thing.a).norm() < 0.07);
+            let off = own.map(|(_, moving)| (moving - V::y() * velocity).norm());
+            let off: Vec<f64> = off.collect();
+            assert!(off.len() > 50 && off.iter().all(|off| *off < 0.06), "{k}: {off:?}");
+            let [least, _] = beyond(&perceiver, thing);
+            assert!(least > -0.01, "{k}: {least}");
+        }
+    }
+}
+
+/// What is not round is not taken for a ball: every point of it is in the cloud as it is seen.
+#[test]
+fn what_is_not_round_is_seen_as_it_is() {
+    let eye = camera(2);
+    for turn in [0.0_f64, 0.6] {
+        let (mut deep, mut flat) = (deep_perceiver(&eye), flat_perceiver(&eye));
+        let along = V::new(turn.cos(), 0.3, turn.sin()).normalize() * 0.05;
+        for k in 0..20 {
+            let t = PERIOD * f64::from(k);
+            let middle = V::new(0.3 + 0.2 * t, 0.1 * t, 0.45);
+            let thing = Capsule { a: middle - along, b: middle + along, radius: 0.05 };
+            show(&mut deep, &eye, t, &[thing]);
+            show(&mut flat, &eye, t, &[thing]);
+            let known: Vec<V> = deep.points().map(|(point, _)| point).collect();
+            assert!(flat.points().count() > 50);
+            assert!(flat.points().all(|(point, _)| known.contains(&point)), "{turn}, {k}");
+        }
+    }
+}
+
+/// A ball that is taken away is gone with the next pictures, one that is covered is remembered as a whole, and together they are never
+/// more points than there is room for.
+#[test]
+fn a_ball_is_forgotten_and_takes_no_more_room_than_there_is() {
+    let eye = camera(2);
+    let thing = ball([0.4, 0.0, 0.4], 0.1);
+    let mut perceiver = deep_perceiver(&eye);
+    for k in 0..10 {
+        show(&mut perceiver, &eye, PERIOD * f64::from(k), &[thing]);
+    }
+    let cover = ball([0.4, 0.0, 1.25], 0.2);
+    for k in 10..30 {
+        show(&mut perceiver, &eye, PERIOD * f64::from(k), &[thing, cover]);
+        let [least, _] = beyond(&perceiver, &thing);
+        assert!(least > -0.01, "{k}: {least}");
+    }
+    for k in 30..33 {
+        show(&mut perceiver, &eye, PERIOD * f64::from(k), &[]);
+    }
+    assert_eq!(near(&perceiver, [0.4, 0.0, 0.4], 0.2), 0);
+
+    let settings = PerceiverSettings {
+        stride: 1,
+        hidden: 0.3,
+        most_voxels: 300,
+        ..PerceiverSettings::default()
+    };
+    let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
+    let places = [[0.2, -0.2], [0.5, -0.2], [0.2, 0.2], [0.5, 0.2]];
+    for k in 0..10 {
+        let balls = places.map(|[x, y]| ball([x, y, 0.4], 0.1));
+        show(&mut perceiver, &eye, PERIOD * f64::from(k), &balls);
+        assert!((100..=600).contains(&perceiver.points().count()));
+    }
+}
