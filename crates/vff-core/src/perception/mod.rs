@@ -472,6 +472,7 @@ impl Perceiver {
         let is_through = |place: &Vector<3>| look.is_through(place);
         self.map.finish(camera, t, least, memory, is_through, is_cut_away);
         self.tracks.update(&mut self.map, camera, t, &self.settings);
+        self.tracks.look_through((camera, eye.origin()), t, is_through);
         if self.settings.hidden > 0.0 {
             let (found, widest) = (self.tracks.found(), self.settings.hidden);
             hidden::bound(&mut self.map, found, eye.origin(), widest, is_cut_away);

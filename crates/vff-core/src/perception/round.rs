@@ -21,6 +21,8 @@ const LEAST_ERROR: f64 = 0.05;
 const FAILURES: usize = 3;
 /// So much of what is seen of a body lies on its ball, or it does not fit.
 const SHARE: f64 = 0.8;
+/// Directions around a ball of which those are looked at that are turned to a camera.
+const FACING: usize = 64;
 /// Of Gauss and Newton: by then the steps are smaller than rounding.
 const STEPS: usize = 4;
 
@@ -210,6 +212,16 @@ impl Round {
         [off.abs() < ON_IT * voxel, off < ON_IT * voxel]
     }
 
+    /// Places on the side of it that is turned to a camera at `origin` \[m\].
+    pub(super) fn facing(&self, origin: &Vector<3>) -> impl Iterator<Item = Vector<3>> {
+        let Self { centre, radius, .. } = *self;
+        let to_camera = (origin - centre).normalize();
+        let around = (0..FACING).map(|number| on_sphere(number, FACING));
+        around
+            .filter(move |away| away.dot(&to_camera) > 0.5)
+            .map(move |away| centre + away * radius)
+    }
+
     /// How far from its middle the points are that stand for it \[m\], as balls of this radius \[m\]: the first and the last that it needs
     /// between them are as far beyond it as short of it. In a small one it is one point.
     fn inset(&self, radius: f64) -> f64 {
@@ -226,20 +238,24 @@ impl Round {
         (20.0 * (inset / radius).powi(2)).ceil() as usize
     }
 
-    /// One of these points \[m\]: along a spiral of Fibonacci, evenly over the ball.
-    #[expect(clippy::cast_precision_loss, reason = "few")]
+    /// One of these points \[m\].
     pub(super) fn point(&self, number: usize, radius: f64) -> Vector<3> {
         let count = self.count(radius);
         if count == 1 {
             return self.centre;
         }
-        let height = 1.0 - (2.0 * number as f64 + 1.0) / count as f64;
-        let across = (1.0 - height * height).sqrt();
-        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-        let (sin, cos) = (golden * number as f64).sin_cos();
-        let away = Vector::<3>::new(across * cos, across * sin, height);
-        self.centre + away * self.inset(radius)
+        self.centre + on_sphere(number, count) * self.inset(radius)
     }
+}
+
+/// One of so many directions that are spread evenly: along a spiral of Fibonacci.
+#[expect(clippy::cast_precision_loss, reason = "few")]
+fn on_sphere(number: usize, count: usize) -> Vector<3> {
+    let height = 1.0 - (2.0 * number as f64 + 1.0) / count as f64;
+    let across = (1.0 - height * height).sqrt();
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let (sin, cos) = (golden * number as f64).sin_cos();
+    Vector::from([across * cos, across * sin, height])
 }
 
 #[cfg(test)]

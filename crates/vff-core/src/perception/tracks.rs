@@ -312,6 +312,27 @@ impl Tracks {
         self.bodies.iter().filter_map(|body| body.round(t)).collect()
     }
 
+    /// A ball of a camera at `origin` \[m\] is none any more if a third or more of its side that is turned there is seen through in its
+    /// picture at time `t` \[s\]: what goes on being seen there is what it stood on.
+    pub(super) fn look_through(
+        &mut self,
+        (camera, origin): (usize, &Vector<3>),
+        t: f64,
+        is_through: impl Fn(&Vector<3>) -> bool,
+    ) {
+        for body in self.bodies.iter_mut().filter(|body| body.camera == camera) {
+            let Some(round) = body.round(t) else { continue };
+            let (mut through, mut all) = (0, 0);
+            for place in round.facing(origin) {
+                all += 1;
+                through += usize::from(is_through(&place));
+            }
+            if 3 * through >= all {
+                body.ball = None;
+            }
+        }
+    }
+
     /// Finds the bodies in the picture of a camera at time `t` \[s\], follows them, and tells the cells that it has hit at which
     /// velocity they go on.
     pub(super) fn update(

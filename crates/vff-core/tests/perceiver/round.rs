@@ -148,3 +148,29 @@ fn a_ball_is_forgotten_and_takes_no_more_room_than_there_is() {
         assert!((100..=600).contains(&perceiver.points().count()));
     }
 }
+
+/// A ball that is put onto a table which nobody has told of, and taken away, is gone: where it touched the table, that goes on being
+/// seen where the ball was.
+#[test]
+fn a_ball_that_is_taken_off_a_table_is_gone() {
+    let eye = camera(2);
+    for radius in [0.04, 0.08, 0.12, 0.145] {
+        let settings = PerceiverSettings { stride: 1, hidden: 0.3, ..PerceiverSettings::default() };
+        let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, vec![]).unwrap();
+        let above = |perceiver: &Perceiver| {
+            perceiver.points().filter(|(point, _)| point.z > 0.03 && point.x > 0.2).count()
+        };
+        for k in 0..130 {
+            let t = PERIOD * f64::from(k);
+            let height = (0.5 - 0.5 * (t - 1.5)).max(radius);
+            let things = [ball([0.4, 0.1, height], radius)];
+            let shown = usize::from((45..110).contains(&k));
+            show(&mut perceiver, &eye, t, &things[..shown]);
+            match k {
+                50..110 => assert!(above(&perceiver) > 5, "{radius}, {k}"),
+                112.. => assert_eq!(above(&perceiver), 0, "{radius}, {k}"),
+                _ => {}
+            }
+        }
+    }
+}
