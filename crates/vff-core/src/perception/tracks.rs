@@ -164,9 +164,17 @@ impl Body {
         (self.points, self.is_cut) = (cluster.points as usize, cluster.is_cut);
     }
 
-    /// Takes in where the cells are that are seen of it, if it may be a ball.
-    fn follow_ball(&mut self, points: &[Vector<3>], settings: &PerceiverSettings) {
+    /// Takes in where its cells are that are seen; what is wider than is reckoned with is no ball.
+    fn follow_ball(
+        &mut self,
+        cluster: &Cluster,
+        points: &[Vector<3>],
+        settings: &PerceiverSettings,
+    ) {
+        let [low, high] = cluster.corners;
+        let may_be_one = (high - low).max() <= settings.hidden;
         self.ball = match self.ball.take() {
+            _ if !may_be_one => None,
             Some(mut ball) => ball.follow(points, settings).then_some(ball),
             None => Ball::new(points, settings),
         };
@@ -378,7 +386,7 @@ impl Tracks {
             };
             is_taken[place] = true;
             let body = &mut self.bodies[place];
-            body.follow_ball(&points[k], settings);
+            body.follow_ball(&cluster, &points[k], settings);
             twists[k] = (body.twist(cluster.mean()), body.ball().map(|_| body.number));
         }
         for voxel in map.voxels_mut().iter_mut().filter(|voxel| voxel.hits > 0) {
