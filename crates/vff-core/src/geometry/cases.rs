@@ -3,20 +3,12 @@
 use crate::math::{Capsule, Vector};
 use proptest::prelude::*;
 
+pub(crate) use super::directions;
+
 pub(crate) type Vec3 = Vector<3>;
 
 pub(crate) fn vec3(x: f64, y: f64, z: f64) -> Vec3 {
     Vec3::new(x, y, z)
-}
-
-/// Directions that are spread evenly over the sphere (a Fibonacci lattice).
-pub(crate) fn directions(count: u32) -> impl Iterator<Item = Vec3> {
-    (0..count).map(move |k| {
-        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
-        let (sin, cos) = (f64::from(k) * 2.399_963_229_728_653).sin_cos();
-        let r = (1.0 - z * z).sqrt();
-        vec3(r * cos, r * sin, z)
-    })
 }
 
 pub(crate) fn capsule(start: [f64; 3], end: [f64; 3], radius: f64) -> Capsule<3> {

@@ -5,7 +5,7 @@ mod enclosing;
 mod farthest;
 
 pub use build::{HullError, MAX_CORNERS, check_hull, faces_of_hull};
-pub(crate) use enclosing::box_around;
+pub(crate) use enclosing::{box_around, extent};
 
 use farthest::Farthest;
 

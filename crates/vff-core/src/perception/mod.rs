@@ -493,13 +493,13 @@ impl Perceiver {
         let most = self.settings.most_voxels * self.settings.points_of_a_cell();
         let mut room = most.saturating_sub(taken);
         self.round.retain(|round| {
-            let is_there = voxels.iter().any(|voxel| round.holds(&voxel.at(t), side)[0]);
-            let left = room.checked_sub(round.count(radius)).filter(|_| is_there);
+            let is_there = voxels.iter().any(|voxel| round.has_on_it(&voxel.at(t), side));
+            let left = room.checked_sub(round.count(radius) as usize).filter(|_| is_there);
             room = left.unwrap_or(room);
             left.is_some()
         });
         for voxel in voxels {
-            voxel.is_covered = self.round.iter().any(|round| round.holds(&voxel.at(t), side)[1]);
+            voxel.is_covered = self.round.iter().any(|round| round.covers(&voxel.at(t), side));
         }
     }
 
@@ -512,9 +512,10 @@ impl Perceiver {
         let seen = voxels.clone().map(move |voxel| (voxel.at(t), voxel.velocity_at(t)));
         let deep = voxels.filter(|voxel| voxel.is_deep());
         let behind = deep.map(move |voxel| (voxel.at(t) + voxel.behind, voxel.velocity_at(t)));
-        let around = self.round.iter().flat_map(move |round| {
-            (0..round.count(radius)).map(move |k| (round.point(k, radius), round.velocity))
-        });
+        let around = self
+            .round
+            .iter()
+            .flat_map(move |round| round.points(radius).map(move |point| (point, round.velocity)));
         seen.chain(behind).chain(around)
     }
 

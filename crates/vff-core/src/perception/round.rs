@@ -5,6 +5,7 @@
 
 use super::PerceiverSettings;
 use super::estimate::{BELIEVED, Estimate};
+use crate::geometry::directions;
 use crate::math::Vector;
 use nalgebra::{Matrix3, Matrix4, Vector4};
 
@@ -22,7 +23,7 @@ const FAILURES: usize = 3;
 /// So much of what is seen of a body lies on its ball, or it does not fit.
 const SHARE: f64 = 0.8;
 /// Directions around a ball of which those are looked at that are turned to a camera.
-const FACING: usize = 64;
+const FACING: u32 = 64;
 /// Of Gauss and Newton: by then the steps are smaller than rounding.
 const STEPS: usize = 4;
 
@@ -129,13 +130,13 @@ impl Ball {
         self.centre.seen >= BELIEVED
     }
 
-    /// How far a point is from its surface \[m\], if that is on it.
+    /// How far a point is off its surface \[m\], if that is on it.
     pub(super) fn distance_on(
         &self,
         point: &Vector<3>,
         settings: &PerceiverSettings,
     ) -> Option<f64> {
-        let off = ((point - self.centre.position).norm() - self.radius).abs();
+        let off = off(point, &self.centre.position, self.radius).abs();
         (off < ON_IT * settings.voxel).then_some(off)
     }
 
@@ -206,56 +207,49 @@ pub(super) struct Round {
 }
 
 impl Round {
-    /// Whether a point is on it, and whether it is on or in it.
-    pub(super) fn holds(&self, point: &Vector<3>, voxel: f64) -> [bool; 2] {
-        let off = (point - self.centre).norm() - self.radius;
-        [off.abs() < ON_IT * voxel, off < ON_IT * voxel]
+    /// Whether a point is on it, in cells of this side \[m\].
+    pub(super) fn has_on_it(&self, point: &Vector<3>, voxel: f64) -> bool {
+        off(point, &self.centre, self.radius).abs() < ON_IT * voxel
+    }
+
+    /// Whether a point is on it or in it.
+    pub(super) fn covers(&self, point: &Vector<3>, voxel: f64) -> bool {
+        off(point, &self.centre, self.radius) < ON_IT * voxel
     }
 
     /// Places on the side of it that is turned to a camera at `origin` \[m\].
     pub(super) fn facing(&self, origin: &Vector<3>) -> impl Iterator<Item = Vector<3>> {
         let Self { centre, radius, .. } = *self;
         let to_camera = (origin - centre).normalize();
-        let around = (0..FACING).map(|number| on_sphere(number, FACING));
-        around
+        directions(FACING)
             .filter(move |away| away.dot(&to_camera) > 0.5)
             .map(move |away| centre + away * radius)
     }
 
-    /// How far from its middle the points are that stand for it \[m\], as balls of this radius \[m\]: the first and the last that it needs
-    /// between them are as far beyond it as short of it. In a small one it is one point.
+    /// How far from its middle the points are that stand for it \[m\], as balls of this radius \[m\]: what these have between them is as
+    /// far short of it as they are beyond it.
     fn inset(&self, radius: f64) -> f64 {
         self.radius - 0.9 * radius
     }
 
     /// How many points stand for it, as balls of this radius \[m\].
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
-    pub(super) fn count(&self, radius: f64) -> usize {
-        let inset = self.inset(radius);
-        if inset < 0.2 * radius {
-            return 1;
-        }
-        (20.0 * (inset / radius).powi(2)).ceil() as usize
+    pub(super) fn count(&self, radius: f64) -> u32 {
+        let share = (self.inset(radius) / radius).max(0.0);
+        (20.0 * share.powi(2)).ceil().max(1.0) as u32
     }
 
-    /// One of these points \[m\].
-    pub(super) fn point(&self, number: usize, radius: f64) -> Vector<3> {
-        let count = self.count(radius);
-        if count == 1 {
-            return self.centre;
-        }
-        self.centre + on_sphere(number, count) * self.inset(radius)
+    /// These points \[m\]: all around it, or one in the middle of a small one.
+    pub(super) fn points(&self, radius: f64) -> impl Iterator<Item = Vector<3>> {
+        let (count, centre) = (self.count(radius), self.centre);
+        let from_middle = if count == 1 { 0.0 } else { self.inset(radius) };
+        directions(count).map(move |away| centre + away * from_middle)
     }
 }
 
-/// One of so many directions that are spread evenly: along a spiral of Fibonacci.
-#[expect(clippy::cast_precision_loss, reason = "few")]
-fn on_sphere(number: usize, count: usize) -> Vector<3> {
-    let height = 1.0 - (2.0 * number as f64 + 1.0) / count as f64;
-    let across = (1.0 - height * height).sqrt();
-    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let (sin, cos) = (golden * number as f64).sin_cos();
-    Vector::from([across * cos, across * sin, height])
+/// How far a point is off a ball \[m\], negative within.
+fn off(point: &Vector<3>, centre: &Vector<3>, radius: f64) -> f64 {
+    (point - centre).norm() - radius
 }
 
 #[cfg(test)]
@@ -266,12 +260,7 @@ mod tests {
     #[test]
     fn a_ball_is_found_by_a_part_of_it() {
         let (centre, radius) = (Vector::<3>::new(0.4, -0.2, 0.7), 0.08);
-        let directions: Vec<_> = (0..200_i32)
-            .map(|k| {
-                let spread = |step: f64| (step * f64::from(k)).fract() - 0.5;
-                Vector::<3>::new(spread(0.618), spread(0.7549), spread(0.5698)).normalize()
-            })
-            .collect();
+        let directions: Vec<_> = directions(200).collect();
         for part in [-1.0, 0.0, 0.5] {
             let seen = directions.iter().filter(|away| away.x > part);
             let points: Vec<_> = seen.map(|away| centre + away * radius).collect();

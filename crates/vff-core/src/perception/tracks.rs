@@ -171,10 +171,8 @@ impl Body {
         points: &[Vector<3>],
         settings: &PerceiverSettings,
     ) {
-        let [low, high] = cluster.corners;
-        let may_be_one = (high - low).max() <= settings.hidden;
         self.ball = match self.ball.take() {
-            _ if !may_be_one => None,
+            _ if cluster.width() > settings.hidden => None,
             Some(mut ball) => ball.follow(points, settings).then_some(ball),
             None => Ball::new(points, settings),
         };
@@ -273,6 +271,12 @@ impl Cluster {
         self.cells += 1;
     }
 
+    /// The longest side of the box around it \[m\].
+    fn width(&self) -> f64 {
+        let [low, high] = self.corners;
+        (high - low).max()
+    }
+
     fn mean(&self) -> Vector<3> {
         self.sum / f64::from(self.points)
     }
@@ -356,10 +360,13 @@ impl Tracks {
         let own = |body: &&mut Body| body.camera == camera;
         self.bodies.iter_mut().filter(own).for_each(|body| body.predict(t, settings.acceleration));
         let expected = self.expect(map, camera, settings);
-        self.find(map, t, settings.settling, expected.len());
+        self.find(map, t, settings.settling);
         let mut points = vec![vec![]; self.clusters.len()];
         for voxel in map.voxels().iter().filter(|voxel| voxel.hits > 0) {
-            points.get_mut(voxel.cluster as usize).into_iter().for_each(|it| it.push(voxel.seen()));
+            let k = voxel.cluster as usize;
+            if self.clusters.get(k).is_some_and(|cluster| cluster.width() <= settings.hidden) {
+                points[k].push(voxel.seen());
+            }
         }
         let mut twists = vec![(Twist::default(), None); self.clusters.len()];
         let mut is_taken = vec![false; self.bodies.len()];
@@ -396,16 +403,14 @@ impl Tracks {
             voxel.point += voxel.velocity * (voxel.last - t).min(COASTS);
         }
         // What was seen of a ball has gone on with it, wherever no camera looks.
-        let seen: Vec<Option<u64>> = twists.iter().map(|(_, round)| *round).collect();
-        map.drop_where(|voxel| {
-            voxel.hits == 0 && voxel.round.is_some() && seen.contains(&voxel.round)
-        });
+        let is_seen = |number| twists.iter().any(|(_, round)| *round == Some(number));
+        map.drop_where(|voxel| voxel.hits == 0 && voxel.round.is_some_and(is_seen));
     }
 
-    /// Numbers the cells that are hit where a ball of a camera is expected, and says which bodies these are.
+    /// Begins with the cells that are hit where a ball of a camera is expected, and says which bodies these are, as they are numbered.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     fn expect(
-        &self,
+        &mut self,
         map: &mut VoxelMap,
         camera: usize,
         settings: &PerceiverSettings,
@@ -414,12 +419,15 @@ impl Tracks {
         let (places, balls): (Vec<_>, Vec<_>) = (self.bodies.iter().enumerate().filter(own))
             .filter_map(|(place, body)| Some((place, body.ball()?)))
             .unzip();
+        self.clusters.clear();
+        self.clusters.resize(places.len(), Cluster::new());
         for voxel in map.voxels_mut().iter_mut().filter(|voxel| voxel.hits > 0) {
             let point = voxel.seen();
             let on = |(k, ball): (usize, &&Ball)| Some((k, ball.distance_on(&point, settings)?));
             let found = balls.iter().enumerate().filter_map(on);
             if let Some((k, _)) = found.min_by(|a, b| a.1.total_cmp(&b.1)) {
                 voxel.cluster = k as u32;
+                self.clusters[k].add(voxel);
             }
         }
         places
@@ -467,15 +475,10 @@ impl Tracks {
         self.bodies.len() - 1
     }
 
-    /// Numbers the cells that hang together, of those that were hit and are not taken for long: what stands is not beside them. The
-    /// first ones are numbered already.
+    /// Numbers the cells that hang together, of those that were hit and are not taken for long: what stands is not beside them. Not
+    /// those that are numbered already.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
-    fn find(&mut self, map: &mut VoxelMap, t: f64, settling: f64, numbered: usize) {
-        self.clusters.clear();
-        self.clusters.resize(numbered, Cluster::new());
-        for voxel in map.voxels().iter().filter(|voxel| voxel.hits > 0) {
-            self.clusters.get_mut(voxel.cluster as usize).into_iter().for_each(|it| it.add(voxel));
-        }
+    fn find(&mut self, map: &mut VoxelMap, t: f64, settling: f64) {
         let stands = |map: &VoxelMap, place: usize| {
             let voxel = &map.voxels()[place];
             t - voxel.since > settling

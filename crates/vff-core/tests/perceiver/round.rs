@@ -2,9 +2,20 @@
 
 use super::*;
 
-fn deep_perceiver(eye: &DepthCamera) -> Perceiver {
-    let settings = PerceiverSettings { stride: 1, hidden: 0.3, ..PerceiverSettings::default() };
+/// That reckons with what is up to so wide \[m\].
+fn perceiver(eye: &DepthCamera, hidden: f64) -> Perceiver {
+    let settings = PerceiverSettings { stride: 1, hidden, ..PerceiverSettings::default() };
     Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap()
+}
+
+/// All around.
+fn deep_perceiver(eye: &DepthCamera) -> Perceiver {
+    perceiver(eye, 0.3)
+}
+
+/// With one side alone, as it is seen.
+fn flat_perceiver(eye: &DepthCamera) -> Perceiver {
+    perceiver(eye, 0.0)
 }
 
 /// Directions all around.
@@ -31,12 +42,6 @@ fn beyond(perceiver: &Perceiver, thing: &Capsule) -> [f64; 2] {
     };
     let ends: Vec<f64> = all_around().map(end).collect();
     [ends.iter().copied().fold(f64::INFINITY, f64::min), ends.into_iter().fold(-1.0, f64::max)]
-}
-
-/// The same with one side alone, as it is seen.
-fn flat_perceiver(eye: &DepthCamera) -> Perceiver {
-    let settings = PerceiverSettings { stride: 1, ..PerceiverSettings::default() };
-    Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap()
 }
 
 /// A ball that passes below a bar, which hides up to half of it: its velocity stays what it is, where that of the mean of what is

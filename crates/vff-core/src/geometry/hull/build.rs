@@ -3,7 +3,7 @@
 //! parry says which triangles the hull consists of. What lies in one plane is made one face here: a diagonal across the
 //! side of a box is no edge, and a point in the middle of it no corner.
 
-use super::enclosing::distribution;
+use super::enclosing::{distribution, extent};
 use super::farthest::Farthest;
 use super::{Corner, Edge, Face, Facing, Hull};
 use crate::interrupt;
@@ -256,10 +256,6 @@ impl Scaled {
             })
             .collect()
     }
-}
-
-pub(super) fn extent(points: &[Vector<3>]) -> [Vector<3>; 2] {
-    points.iter().fold([points[0]; 2], |[low, high], p| [low.inf(p), high.sup(p)])
 }
 
 /// Triangles grouped by the planes that they lie in.

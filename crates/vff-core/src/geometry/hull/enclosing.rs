@@ -1,7 +1,6 @@
 //! A capsule that holds a hull, and a box that holds points: what is far from these needs no closer look.
 
 use super::Hull;
-use super::build::extent;
 use crate::geometry::perpendicular;
 use crate::math::{Capsule, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
@@ -28,6 +27,12 @@ impl Hull {
         let size = points.iter().map(|p| p.amax()).fold(0.0, f64::max);
         Capsule { radius: slim.radius + ROUNDING * size, ..slim }
     }
+}
+
+/// Opposite corners of a box around points along the axes of their frame, the lower ones first \[m\]; around none from ∞ to −∞.
+pub(crate) fn extent(points: &[Vector<3>]) -> [Vector<3>; 2] {
+    let none = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
+    points.iter().fold(none, |[low, high], point| [low.inf(point), high.sup(point)])
 }
 
 /// The mean of points, and the axes of their distribution, one per column.

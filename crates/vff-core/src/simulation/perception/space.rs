@@ -3,7 +3,7 @@
 use super::depth::DepthCameras;
 use super::scans::{Ray, Scans};
 use super::{DepthPicture, Kind, Perceive, PerceptionSettings};
-use crate::geometry::Body;
+use crate::geometry::{Body, GOLDEN_ANGLE};
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::perception::PerceptionError;
@@ -115,11 +115,10 @@ fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize)
 /// Unit vectors that fill a cone about z evenly, the first along it, the last on its edge (a sunflower's spiral, Vogel, 1979).
 #[expect(clippy::cast_precision_loss, reason = "a count of rays")]
 fn cone(count: usize, field_of_view: f64) -> impl Iterator<Item = Vector<3>> {
-    const GOLDEN: f64 = 2.399_963_229_728_653;
     (0..count).map(move |k| {
         let share = if count > 1 { k as f64 / (count - 1) as f64 } else { 0.0 };
         let (sin, cos) = (0.5 * field_of_view * share.sqrt()).sin_cos();
-        let (turn_sin, turn_cos) = (GOLDEN * k as f64).sin_cos();
+        let (turn_sin, turn_cos) = (GOLDEN_ANGLE * k as f64).sin_cos();
         Vector::<3>::new(sin * turn_cos, sin * turn_sin, cos)
     })
 }

@@ -8,7 +8,7 @@
 //! Where every point goes on at a velocity of its own, each box has one around these velocities: at a time e after the
 //! tree was made, what is in [l, h] at rates in [l', h'] is in [l + l'e, h + h'e] (T180).
 
-use crate::geometry::Probe;
+use crate::geometry::{Probe, extent};
 use crate::interrupt;
 use crate::math::Vector;
 use crate::world::broad_phase::MARGIN;
@@ -206,7 +206,7 @@ impl Node {
 /// Boxes around runs of these vectors, level by level from the root down, and of every level where its nodes begin, and how
 /// many boxes it has.
 fn tree(vectors: &[Vector<3>]) -> (Vec<(usize, usize)>, Vec<Node>) {
-    let mut boxes: Vec<[Vector<3>; 2]> = vectors.chunks(RUN).map(around).collect();
+    let mut boxes: Vec<[Vector<3>; 2]> = vectors.chunks(RUN).map(extent).collect();
     let mut below = vec![];
     let mut counts = vec![];
     loop {
@@ -241,12 +241,6 @@ pub(super) fn farthest(vectors: &[Vector<3>]) -> f64 {
             x.abs()
         }
     })
-}
-
-/// Opposite corners of a box around points, the lower ones first \[m\].
-pub(super) fn around(points: &[Vector<3>]) -> [Vector<3>; 2] {
-    let none = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
-    points.iter().fold(none, |[low, high], point| [low.inf(point), high.sup(point)])
 }
 
 fn around_all(boxes: &[[Vector<3>; 2]]) -> [Vector<3>; 2] {

@@ -7,14 +7,14 @@
 //! (T180): their boxes grow by what these differ.
 
 use super::sphere::cast_at_ball;
-use crate::geometry::MAX_POINTS;
 use crate::geometry::axis::{Nearest, Probe, perpendicular, seen_from};
 use crate::geometry::point::{distance_to_point, square_to_point, to_point};
+use crate::geometry::{MAX_POINTS, extent};
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::world::space::contact::{axis_of, contact_of};
 use crate::world::space::needed_points::{MAX_NEEDED, NeededPoints};
-use crate::world::space::point_bvh::{PointBvh, Sight, around, farthest};
+use crate::world::space::point_bvh::{PointBvh, Sight, farthest};
 use crate::world::{Ahead, Contact, Feature, MotionState, Pair};
 use std::fmt;
 use std::ops::Range;
@@ -86,7 +86,7 @@ impl Cloud {
             vectors.iter().map(|vector| turn.rotate(&Vector::from(*vector))).collect()
         };
         let (turned, rates) = (all_turned(points), all_turned(velocities));
-        let extent @ [low, high] = around(&turned);
+        let extent @ [low, high] = extent(&turned);
         // The place on the curve above the number.
         let key = |(point, number)| u64::from(along_the_curve(point, &low, &high)) << 32 | number;
         let mut order: Vec<u64> = turned.iter().zip(0u64..).map(key).collect();
