@@ -211,7 +211,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         limit: f64,
-        mut distance: impl FnMut(usize, f64),
+        distance: &mut dyn FnMut(usize, f64),
         mut meet: impl FnMut(
             Pair,
             &S::Probe,
@@ -323,30 +323,50 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     }
 }
 
+// Compiled once for each kind of bodies, whoever visits.
 impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
+    fn for_each_contact_of<'a>(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
+        reach: f64,
+        distance: &mut dyn FnMut(usize, f64),
+        visit: &mut dyn FnMut(&Contact<D>),
+    ) {
+        let all = f64::INFINITY;
+        self.for_each_near(bodies, reach, all, distance, |pair, probe, hull, obstacle, turn| {
+            let state = &obstacle.state;
+            match hull {
+                None => obstacle.for_each_contact(pair, probe, state, turn, reach, &mut *visit),
+                Some(hull) => {
+                    let asked = Asked::Contacts(reach);
+                    obstacle.meet_hull(pair, hull, probe, state, turn, asked, visit);
+                }
+            }
+        });
+    }
+
     /// All barriers, or those of clouds that a program of this `outlook` needs.
-    #[inline(always)]
     fn for_each_barrier_of<'a>(
         &mut self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         outlook: Option<&Outlook<'_, D>>,
-        mut visit: impl FnMut(&Contact<D>),
+        visit: &mut dyn FnMut(&Contact<D>),
     ) {
         self.for_each_near(
             bodies,
             reach,
             reach,
-            |_, _| {},
+            &mut |_, _| {},
             |pair, probe, hull, obstacle, turn| {
                 let state = &obstacle.state;
                 if let Some(hull) = hull {
                     let asked = Asked::Barriers(reach);
-                    return obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
+                    return obstacle.meet_hull(pair, hull, probe, state, turn, asked, visit);
                 }
                 if let Some(outlook) = outlook.filter(|_| obstacle.geometry.contacts() > 1) {
                     return obstacle
-                        .for_each_needed(pair, probe, state, turn, reach, outlook, &mut visit);
+                        .for_each_needed(pair, probe, state, turn, reach, outlook, &mut *visit);
                 }
                 obstacle.for_each_barrier(pair, probe, turn, reach, |barrier| {
                     if barrier.distance < reach {
@@ -372,20 +392,10 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         &mut self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
-        distance: impl FnMut(usize, f64),
+        mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        let all = f64::INFINITY;
-        self.for_each_near(bodies, reach, all, distance, |pair, probe, hull, obstacle, turn| {
-            let state = &obstacle.state;
-            match hull {
-                None => obstacle.for_each_contact(pair, probe, state, turn, reach, &mut visit),
-                Some(hull) => {
-                    let asked = Asked::Contacts(reach);
-                    obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
-                }
-            }
-        });
+        self.for_each_contact_of(bodies, reach, &mut distance, &mut visit);
     }
 
     fn for_each_obstacle_near<'a>(
@@ -398,7 +408,7 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             bodies,
             reach,
             reach,
-            |_, _| {},
+            &mut |_, _| {},
             |pair, probe, _, obstacle, _| {
                 // Of a hull by the capsule around it: some may be farther.
                 if obstacle.distance_below(probe, reach) < reach {
@@ -437,9 +447,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         &mut self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
-        visit: impl FnMut(&Contact<D>),
+        mut visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_barrier_of(bodies, reach, None, visit);
+        self.for_each_barrier_of(bodies, reach, None, &mut visit);
     }
 
     #[inline]
@@ -448,9 +458,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         outlook: &Outlook<'_, D>,
-        visit: impl FnMut(&Contact<D>),
+        mut visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_barrier_of(bodies, reach, Some(outlook), visit);
+        self.for_each_barrier_of(bodies, reach, Some(outlook), &mut visit);
     }
 
     fn for_each_needed_after(

@@ -158,7 +158,7 @@ impl ObstacleGeometry<3> for SpatialGeometry {
         mut visit: impl FnMut(&Contact<3>),
     ) {
         if let Core::Cloud(cloud) = &self.core {
-            return cloud.for_each_contact(pair, link, self.radius, state, reach, visit);
+            return cloud.for_each_contact(pair, link, self.radius, state, reach, &mut visit);
         }
         let contact = self.contact(pair, link, state);
         if contact.distance < reach {
@@ -193,9 +193,10 @@ impl ObstacleGeometry<3> for SpatialGeometry {
         state: &MotionState<3>,
         reach: f64,
         ahead: &Ahead<'_, 3>,
-        visit: impl FnMut(&Contact<3>),
+        mut visit: impl FnMut(&Contact<3>),
     ) {
         if let Core::Cloud(cloud) = &self.core {
+            let visit = &mut visit;
             return cloud.for_each_needed(pair, link, self.radius, state, reach, ahead, visit);
         }
         self.for_each_contact(pair, link, state, reach, visit);

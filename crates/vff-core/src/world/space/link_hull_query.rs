@@ -102,7 +102,7 @@ impl SpatialGeometry {
             // No ball is nearer to the hull than to the capsule.
             let mut best = touch(&cloud.contact(pair, around, self.radius, state));
             let limit = best.distance;
-            cloud.for_each_contact(pair, around, self.radius, state, limit, |found| {
+            cloud.for_each_contact(pair, around, self.radius, state, limit, &mut |found| {
                 let next = touch(found);
                 if next.distance < best.distance {
                     best = next;
@@ -111,7 +111,7 @@ impl SpatialGeometry {
             return visit(&best);
         }
         let reach = asked.reach();
-        cloud.for_each_contact(pair, around, self.radius, state, reach, |found| {
+        cloud.for_each_contact(pair, around, self.radius, state, reach, &mut |found| {
             let contact = touch(found);
             if contact.distance < reach {
                 visit(&contact);

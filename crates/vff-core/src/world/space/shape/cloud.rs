@@ -250,7 +250,8 @@ impl Cloud {
         contact_of(pair, &nearest, &axis_of(link), [radius, link.radius], &centre)
     }
 
-    /// The contacts with all balls nearer than `reach` \[m\], in the order in which their points were given.
+    /// The contacts with all balls nearer than `reach` \[m\], in the order in which their points were given. Compiled once,
+    /// whoever visits them: there are many of these.
     pub(in super::super) fn for_each_contact(
         &self,
         pair: Pair,
@@ -258,7 +259,7 @@ impl Cloud {
         radius: f64,
         state: &MotionState<3>,
         reach: f64,
-        mut visit: impl FnMut(&Contact<3>),
+        visit: &mut dyn FnMut(&Contact<3>),
     ) {
         let query = self.query(link, &state.position, state.elapsed);
         let mut room = [(0, 0); ROOM];
@@ -284,7 +285,7 @@ impl Cloud {
         state: &MotionState<3>,
         reach: f64,
         ahead: &Ahead<'_, 3>,
-        mut visit: impl FnMut(&Contact<3>),
+        visit: &mut dyn FnMut(&Contact<3>),
     ) {
         if self.points.len() <= MAX_NEEDED {
             return self.for_each_contact(pair, link, radius, state, reach, visit);
