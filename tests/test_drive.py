@@ -696,6 +696,49 @@ def test_turns_of_endless_joints_are_counted() -> None:
         assert abs(np.diff(np.array(wrapped.seen), axis=0)).max() < 0.01
 
 
+def test_a_reading_of_another_turn_is_the_same_place() -> None:
+    """An arm that stands in its posture, or where its plan begins, stays, whatever turn its encoder is in."""
+    gen3 = vff.Arm.named("gen3")
+    ready = np.array([0.0, 0.4, 3.1, -1.9, 0.0, 0.95, 1.5])
+    law = {"stiffness": 100.0, "damping": 20.0, "null_damping": 4.0, "posture_stiffness": 5.0}
+    scene = vff.Scenario(
+        arm=gen3,
+        q0=list(ready),
+        duration=2.0,
+        controller={**law, "posture": list(ready)},
+        reference={"kind": "setpoint"},
+    )
+    plan = vff.plan(scene, [0.0, 0.6, *ready[2:]])
+
+    class Elsewhere:
+        paces, turn = True, np.array([0.0, 0.0, -2 * np.pi, 0.0, 0.0, 0.0, 0.0])
+
+        def __init__(self) -> None:
+            self.robot = SimulatedRobot(scene)
+
+        def read(self) -> Any:
+            t, q, dq = self.robot.read()
+            self.q = np.array(q)
+            return t, self.q + self.turn, dq
+
+        def write(self, torque: Any, /) -> None:
+            self.robot.write(torque)
+
+    for given, end in (
+        (vff.Controller(gen3, {**law, "posture": list(ready)}), ready),
+        (scene.replace(reference=plan.reference), plan.q[-1]),
+    ):
+        robot = Elsewhere()
+        with vff.drive(robot, given, seconds=plan.duration + 1.0) as drive:
+            report = finished(drive)
+        assert (report.status, report.reason) == ("completed", "")
+        assert abs(robot.q - end).max() < 0.01
+    c = vff.Controller(gen3, {**law, "posture": list(ready)})
+    x = gen3.pose(ready)[0]
+    sides = [c.torque([*ready[:2], side, *ready[3:]], [0.0] * 7, x) for side in (np.pi, -np.pi)]
+    np.testing.assert_allclose(*sides, atol=1e-9)
+
+
 def test_set_points_begin_at_rest() -> None:
     robot = Still(SCENE["q0"], dq=0.3)
     with (

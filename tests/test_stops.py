@@ -124,3 +124,42 @@ def test_far_from_stops_every_law_is_what_it_is() -> None:
             scene, {"controller.avoidance": way, "arm.joint_limits": (stops + np.array([-1.0, 1.0])).tolist()}
         )
         np.testing.assert_array_equal(near.tau, far.tau)
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "push"),
+    [
+        ("iiwa14", (0.24, 0.91, -0.45, -1.58, 0.01, 1.5, 0.68), (36.9, 40.8, -24.1)),
+        ("ur5e", (0.0, -1.4, 1.8, -1.9, -1.57, 0.0), (-20.0, 45.0, 30.0)),
+    ],
+)
+def test_an_arm_that_is_held_and_pushed_comes_to_rest(
+    name: str, q: tuple[float, ...], push: tuple[float, ...]
+) -> None:
+    """Stopped, pushed at the hand for a second and let go: what holds it puts no energy in."""
+    pin = pytest.importorskip("pinocchio")
+    arm = vff.Arm.named(name)
+    model = pin.buildModelFromXML(arm.to_urdf())
+    data = model.createData()
+    controller = vff.Controller(arm, {"task": "position", "stiffness": 100.0, "damping": 20.0})
+    controller.begin(1e-3)
+    place, dq, let_go = np.array(q), np.zeros(arm.n), None
+    target = arm.pose(place)[0]
+    for k in range(4000):
+        if k == 100:
+            controller.stop()
+        torque, phase = controller.cycle(1e-3 * k, place, dq, target)
+        outside = np.zeros(arm.n)
+        if 500 <= k < 1500:
+            pin.computeJointJacobians(model, data, place)
+            frame = pin.LOCAL_WORLD_ALIGNED
+            outside = pin.getJointJacobian(model, data, arm.n, frame)[:3].T @ np.array(push)
+        for _ in range(2):
+            dq = dq + 5e-4 * pin.aba(model, data, place, dq, torque + outside)
+            place = place + 5e-4 * dq
+        share = (np.abs(dq) / arm.velocity_limits).max()
+        if k == 1500:
+            let_go = place.copy()
+        if k > 3000:
+            assert phase == "finished" and share < 0.01, (k, share)
+    assert let_go is not None and np.abs(place - let_go).max() < 0.5

@@ -3,7 +3,7 @@
 use super::metric::TaskMetric;
 use super::motion_limits::MotionLimits;
 use super::settings::{Avoidance, Settings};
-use crate::math::ScalarOrVec;
+use crate::math::{ScalarOrVec, whole_turns};
 use crate::robot::{Model, Robot};
 use nalgebra::SVector;
 use std::ops::{Deref, DerefMut};
@@ -80,6 +80,8 @@ pub struct Gains<const M: usize> {
     pub null_damping: NullDamping,
     /// Posture spring: (q_d \[rad\], K_v \[N·m/rad\]) per joint, empty without posture.
     pub posture: Vec<(f64, f64)>,
+    /// Which joints turn without an end: whole turns are nothing to their springs. Empty if none does.
+    endless: Vec<bool>,
     /// See [`Settings::characteristic_length`].
     pub characteristic_length: f64,
     /// What moves the joints, where that is no torque.
@@ -136,6 +138,7 @@ impl<const M: usize> Gains<M> {
             damping: SVector::from_fn(|i, _| settings.damping.get(i)),
             null_damping: NullDamping::new(&settings.null_damping),
             posture: posture_of(settings).collect(),
+            endless: vec![],
             characteristic_length: settings.characteristic_length.unwrap_or(1.0),
             moved: None,
             seed: 0,
@@ -143,10 +146,14 @@ impl<const M: usize> Gains<M> {
         }
     }
 
-    /// The same with the characteristic length of `arm`, where the settings leave it open.
+    /// The same with the characteristic length of `arm`, where the settings leave it open, and with what turns without an end.
     #[must_use]
     pub fn of_arm<A: Model<D>, const D: usize>(self, settings: &Settings, arm: &A) -> Self {
-        Self { characteristic_length: settings.length_of(arm), ..self }
+        let mut endless = arm.endless();
+        if endless.iter().all(|it| !it) {
+            endless.clear();
+        }
+        Self { characteristic_length: settings.length_of(arm), endless, ..self }
     }
 
     /// The same for joints that are moved within these limits, if any, whatever the torque.
@@ -186,15 +193,24 @@ impl<const M: usize> Gains<M> {
         self.posture.extend(posture_of(&self.settings));
     }
 
+    /// From `q` to `goal` \[rad or m\] of a joint: the short way round where that turns without an end.
+    pub fn way(&self, joint: usize, q: f64, goal: f64) -> f64 {
+        let way = goal - q;
+        if self.endless.get(joint) == Some(&true) { way - whole_turns(way) } else { way }
+    }
+
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.
     pub fn add_posture_torque(&self, q: &[f64], out: &mut [f64]) {
-        for ((out, q), (rest, stiffness)) in out.iter_mut().zip(q).zip(&self.posture) {
-            *out += stiffness * (rest - q);
+        for (i, ((out, q), (rest, stiffness))) in
+            out.iter_mut().zip(q).zip(&self.posture).enumerate()
+        {
+            *out += stiffness * self.way(i, *q, *rest);
         }
     }
 
     /// ½ (q_d − q)ᵀ K_v (q_d − q) \[J\].
     pub fn posture_energy(&self, q: &[f64]) -> f64 {
-        q.iter().zip(&self.posture).map(|(q, (rest, k))| 0.5 * k * (rest - q) * (rest - q)).sum()
+        let springs = q.iter().zip(&self.posture).enumerate();
+        springs.map(|(i, (q, (rest, k)))| 0.5 * k * self.way(i, *q, *rest).powi(2)).sum()
     }
 }

@@ -80,7 +80,7 @@ impl Spring<'_> {
         }
         let error = |i: usize| {
             let let_go = self.reaction.map_or(0.0, |reaction| reaction.posture()[i]);
-            posture[i].0 + let_go - q[i]
+            gains.way(i, q[i], posture[i].0) + let_go
         };
         let held = |i: usize| posture[i].1.max(FREE * stiffest);
         // (J K⁻¹ Jᵀ)⁻¹ J e, the force at the task that takes out of the springs what moves it.

@@ -1,6 +1,7 @@
 //! A depth camera: the ray that every pixel looks along, and the pixel in which a point is seen (T181).
 
 use super::PerceptionError;
+use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector, upright};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -140,6 +141,7 @@ impl Camera {
             model: model.clone(),
         };
         for pixel in 0..columns * rows {
+            interrupt::checkpoint(STEPS);
             let ray = this.undistorted(pixel).ok_or_else(|| {
                 let (column, row) = (pixel % columns, pixel / columns);
                 fault(format!("distortion cannot be undone at column {column}, row {row}"))
@@ -202,8 +204,11 @@ impl Camera {
         }
         let mut ray = seen;
         for _ in 0..STEPS {
-            let moved = self.distorted(ray);
+            let (before, moved) = (ray, self.distorted(ray));
             ray = std::array::from_fn(|k| ray[k] + (seen[k] - moved[k]));
+            if ray.map(f64::to_bits) == before.map(f64::to_bits) {
+                break;
+            }
         }
         let back = self.distorted(ray);
         let open = (0..2).map(|k| ((back[k] - seen[k]) * focal[k]).abs()).fold(0.0, f64::max);

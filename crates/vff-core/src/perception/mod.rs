@@ -299,7 +299,9 @@ impl Perceiver {
         {
             self.robot.update(&self.q, &self.dq);
             let taken_up = SelfFilter::of_load(&self.robot, self.settings.margin);
-            self.map.drop_where(|voxel| taken_up.clearance(&voxel.at(t), f64::INFINITY) < 0.0);
+            let clearance = |place: &Vector<3>| taken_up.clearance(place, f64::INFINITY);
+            self.map.drop_where(|voxel| clearance(&voxel.at(t)) < 0.0);
+            self.tracks.take_up(t, clearance);
         }
         self.cover();
         Ok(())
@@ -493,7 +495,7 @@ impl Perceiver {
         let most = self.settings.most_voxels * self.settings.points_of_a_cell();
         let mut room = most.saturating_sub(taken);
         self.round.retain(|round| {
-            let is_there = voxels.iter().any(|voxel| round.has_on_it(&voxel.at(t), side));
+            let is_there = voxels.iter().any(|voxel| round.is_known_by(voxel, t, side));
             let left = room.checked_sub(round.count(radius) as usize).filter(|_| is_there);
             room = left.unwrap_or(room);
             left.is_some()
@@ -524,7 +526,7 @@ impl Perceiver {
         self.tracks.tracks().collect()
     }
 
-    /// A radius with which balls at the points cover what is seen \[m\]: half the diagonal of a cell.
+    /// A radius with which balls at the points cover what is seen \[m\], what is round to a tenth of it: half the diagonal of a cell.
     pub fn radius(&self) -> f64 {
         self.map.half_diagonal()
     }

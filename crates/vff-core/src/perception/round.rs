@@ -5,6 +5,7 @@
 
 use super::PerceiverSettings;
 use super::estimate::{BELIEVED, Estimate};
+use super::voxels::Voxel;
 use crate::geometry::directions;
 use crate::math::Vector;
 use nalgebra::{Matrix3, Matrix4, Vector4};
@@ -130,14 +131,9 @@ impl Ball {
         self.centre.seen >= BELIEVED
     }
 
-    /// How far a point is off its surface \[m\], if that is on it.
-    pub(super) fn distance_on(
-        &self,
-        point: &Vector<3>,
-        settings: &PerceiverSettings,
-    ) -> Option<f64> {
-        let off = off(point, &self.centre.position, self.radius).abs();
-        (off < ON_IT * settings.voxel).then_some(off)
+    /// Whether it was on what was seen of it last.
+    pub(super) fn fits(&self) -> bool {
+        self.failures == 0
     }
 
     /// Takes in what is seen of it; false once that does not fit any more.
@@ -193,28 +189,42 @@ impl Ball {
     }
 
     /// As it is shown.
-    pub(super) fn round(&self, centre: Vector<3>, velocity: Vector<3>) -> Round {
-        Round { centre, radius: self.radius, velocity }
+    pub(super) fn round(&self, number: u64, centre: Vector<3>, velocity: Vector<3>) -> Round {
+        Round { number, centre, radius: self.radius, velocity }
     }
 }
 
 /// A round body that is shown.
 #[derive(Debug, Clone)]
 pub(super) struct Round {
+    /// Which body it is.
+    pub(super) number: u64,
     centre: Vector<3>,
     radius: f64,
     pub(super) velocity: Vector<3>,
 }
 
 impl Round {
-    /// Whether a point is on it, in cells of this side \[m\].
-    pub(super) fn has_on_it(&self, point: &Vector<3>, voxel: f64) -> bool {
-        off(point, &self.centre, self.radius).abs() < ON_IT * voxel
+    /// How far a point is off its surface \[m\], if that is on it, in cells of this side \[m\].
+    pub(super) fn distance_on(&self, point: &Vector<3>, voxel: f64) -> Option<f64> {
+        let off = off(point, &self.centre, self.radius).abs();
+        (off < ON_IT * voxel).then_some(off)
+    }
+
+    /// Whether a cell at time `t` \[s\] is one of it, or of nothing else that is round.
+    pub(super) fn is_known_by(&self, voxel: &Voxel, t: f64, side: f64) -> bool {
+        let is_else = voxel.round.is_some_and(|other| other != self.number);
+        !is_else && self.distance_on(&voxel.at(t), side).is_some()
     }
 
     /// Whether a point is on it or in it.
     pub(super) fn covers(&self, point: &Vector<3>, voxel: f64) -> bool {
         off(point, &self.centre, self.radius) < ON_IT * voxel
+    }
+
+    /// Whether it reaches into what is so far away from a place \[m\].
+    pub(super) fn meets(&self, clearance: impl Fn(&Vector<3>) -> f64) -> bool {
+        clearance(&self.centre) < self.radius
     }
 
     /// Places on the side of it that is turned to a camera at `origin` \[m\].
@@ -227,7 +237,7 @@ impl Round {
     }
 
     /// How far from its middle the points are that stand for it \[m\], as balls of this radius \[m\]: what these have between them is as
-    /// far short of it as they are beyond it.
+    /// far short of it as they are beyond it, a tenth of their radius.
     fn inset(&self, radius: f64) -> f64 {
         self.radius - 0.9 * radius
     }
@@ -236,7 +246,8 @@ impl Round {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
     pub(super) fn count(&self, radius: f64) -> u32 {
         let share = (self.inset(radius) / radius).max(0.0);
-        (20.0 * share.powi(2)).ceil().max(1.0) as u32
+        // As many as that takes, found for radii up to twenty times theirs: by areas, and more of them where few are bent around it.
+        (20.0 * share.powi(2) + 18.0 * share + 1.0).ceil() as u32
     }
 
     /// These points \[m\]: all around it, or one in the middle of a small one.
@@ -271,6 +282,33 @@ mod tests {
             directions.iter().map(|away| Vector::from([away.x, away.y, 0.3])).collect();
         assert!(Fit::new(&plane).is_none_or(|fit| fit.radius > 1e3));
         assert!(Fit::new(&directions[..LEAST - 1]).is_none());
+    }
+
+    /// Balls at its points are short of it by a tenth of their radius at most, and go beyond it by no more.
+    #[test]
+    fn points_stand_for_all_of_a_ball() {
+        let radius = 0.02;
+        for k in 0..60 {
+            let size = radius * (0.5 + 0.1 * f64::from(k));
+            let round = Round {
+                number: 0,
+                centre: Vector::zeros(),
+                radius: size,
+                velocity: Vector::zeros(),
+            };
+            let points: Vec<_> = round.points(radius).collect();
+            assert_eq!(points.len(), round.count(radius) as usize);
+            for away in directions(3000) {
+                let end = |point: &Vector<3>| {
+                    let along = away.dot(point);
+                    let root = radius * radius - (point.norm_squared() - along * along);
+                    if root >= 0.0 { along + root.sqrt() } else { 0.0 }
+                };
+                let beyond = points.iter().map(end).fold(0.0, f64::max) - size;
+                let most = if size < radius { radius - size } else { 0.1 * radius };
+                assert!(beyond >= -0.1001 * radius && beyond <= most + 1e-12, "{size}: {beyond}");
+            }
+        }
     }
 
     /// The error of the radius is that of many fits to points that err.

@@ -178,9 +178,32 @@ impl Body {
         };
     }
 
+    /// Whether its camera saw it in its last picture.
+    fn is_seen(&self) -> bool {
+        self.last >= self.time
+    }
+
+    /// Whether what is seen of it in that picture lies on its ball.
+    fn is_seen_round(&self) -> bool {
+        self.is_seen() && self.ball().is_some_and(Ball::fits)
+    }
+
     /// The ball that it is for certain.
     fn ball(&self) -> Option<&Ball> {
         self.ball.as_ref().filter(|ball| ball.is_believed())
+    }
+
+    /// The ball that it is where that is expected at a time \[s\] for which it is estimated: where nothing of it is seen, it goes on for a
+    /// while.
+    fn expected(&self, t: f64) -> Option<Round> {
+        let ball = self.ball()?;
+        let Estimate { position, velocity, .. } = &ball.centre;
+        let hidden = t - self.last;
+        Some(ball.round(
+            self.number,
+            position + velocity * (hidden.min(COASTS) - hidden),
+            *velocity,
+        ))
     }
 
     /// The ball that it is, at a time \[s\]: goes on for a while where nothing of it is seen.
@@ -190,7 +213,7 @@ impl Body {
         let hidden = t - self.last;
         let seen = ball.centre.position - ball.centre.velocity * (self.time - self.last);
         let now = if hidden < COASTS { velocity } else { Vector::zeros() };
-        Some(ball.round(seen + velocity * hidden.min(COASTS), now))
+        Some(ball.round(self.number, seen + velocity * hidden.min(COASTS), now))
     }
 
     /// Velocity and covariance as its sides have them, which are those of the less certain one.
@@ -207,7 +230,7 @@ impl Body {
     }
 
     fn track(&self) -> Track {
-        let Self { number, camera, last, seen, points, is_cut, mean, axis, .. } = self;
+        let Self { number, camera, time, last, seen, points, is_cut, mean, axis, .. } = self;
         let of_mean = (mean.velocity, mean.covariance);
         let of_centre = self.ball().map(|ball| (ball.centre.velocity, ball.centre.covariance));
         let (velocity, covariance) =
@@ -216,7 +239,7 @@ impl Body {
         Track {
             number: *number,
             camera: *camera,
-            position: mean.position,
+            position: mean.position - mean.velocity * (time - last),
             velocity,
             angular_velocity: axis.map(Axis::turning).unwrap_or_default(),
             covariance,
@@ -324,15 +347,18 @@ impl Tracks {
         self.bodies.iter().filter_map(|body| body.round(t)).collect()
     }
 
-    /// A ball of a camera at `origin` \[m\] is none any more if a third or more of its side that is turned there is seen through in its
-    /// picture at time `t` \[s\]: what goes on being seen there is what it stood on.
+    /// A ball is none any more if a third or more of its side that is turned to a camera at `origin` \[m\] is seen through in its picture
+    /// at time `t` \[s\]: what goes on being seen there is what it stood on. Asked are the balls of that camera, and those that
+    /// another one sees no more: of what it does see, the errors of both calibrations tell which is where.
     pub(super) fn look_through(
         &mut self,
         (camera, origin): (usize, &Vector<3>),
         t: f64,
         is_through: impl Fn(&Vector<3>) -> bool,
     ) {
-        for body in self.bodies.iter_mut().filter(|body| body.camera == camera) {
+        let is_asked =
+            |body: &&mut Body| body.camera == camera || !body.is_seen() || t - body.last >= COASTS;
+        for body in self.bodies.iter_mut().filter(is_asked) {
             let Some(round) = body.round(t) else { continue };
             let (mut through, mut all) = (0, 0);
             for place in round.facing(origin) {
@@ -340,6 +366,15 @@ impl Tracks {
                 through += usize::from(is_through(&place));
             }
             if 3 * through >= all {
+                body.ball = None;
+            }
+        }
+    }
+
+    /// Balls that reach at time `t` \[s\] into what the arm has taken up, which is so far away from a place \[m\], are none any more.
+    pub(super) fn take_up(&mut self, t: f64, clearance: impl Fn(&Vector<3>) -> f64) {
+        for body in &mut self.bodies {
+            if body.round(t).is_some_and(|round| round.meets(&clearance)) {
                 body.ball = None;
             }
         }
@@ -356,10 +391,12 @@ impl Tracks {
     ) {
         // However short the memory of places is, from picture to picture it has to be the same body.
         let memory = settings.memory.max(COASTS);
-        self.bodies.retain(|body| (t - body.last).abs() <= memory);
+        // Another camera's picture may be of a later time.
+        self.bodies.retain(|body| t - body.last <= memory);
+        let was_hidden: Vec<bool> = self.bodies.iter().map(|body| !body.is_seen()).collect();
         let own = |body: &&mut Body| body.camera == camera;
         self.bodies.iter_mut().filter(own).for_each(|body| body.predict(t, settings.acceleration));
-        let expected = self.expect(map, camera, settings);
+        let expected = self.expect(map, (camera, &was_hidden), t, settings);
         self.find(map, t, settings.settling);
         let mut points = vec![vec![]; self.clusters.len()];
         for voxel in map.voxels().iter().filter(|voxel| voxel.hits > 0) {
@@ -403,27 +440,37 @@ impl Tracks {
             voxel.point += voxel.velocity * (voxel.last - t).min(COASTS);
         }
         // What was seen of a ball has gone on with it, wherever no camera looks.
-        let is_seen = |number| twists.iter().any(|(_, round)| *round == Some(number));
+        let is_seen = |number| {
+            self.bodies
+                .iter()
+                .any(|body| body.number == number && body.camera == camera && body.is_seen_round())
+        };
         map.drop_where(|voxel| voxel.hits == 0 && voxel.round.is_some_and(is_seen));
     }
 
     /// Begins with the cells that are hit where a ball of a camera is expected, and says which bodies these are, as they are numbered.
+    /// Where one is expected that was not seen in the picture before, what stands there is something else, if it was not the ball's.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     fn expect(
         &mut self,
         map: &mut VoxelMap,
-        camera: usize,
+        (camera, was_hidden): (usize, &[bool]),
+        t: f64,
         settings: &PerceiverSettings,
     ) -> Vec<usize> {
         let own = |(_, body): &(usize, &Body)| body.camera == camera;
         let (places, balls): (Vec<_>, Vec<_>) = (self.bodies.iter().enumerate().filter(own))
-            .filter_map(|(place, body)| Some((place, body.ball()?)))
+            .filter_map(|(place, body)| Some((place, (body.expected(t)?, was_hidden[place]))))
             .unzip();
         self.clusters.clear();
         self.clusters.resize(places.len(), Cluster::new());
         for voxel in map.voxels_mut().iter_mut().filter(|voxel| voxel.hits > 0) {
             let point = voxel.seen();
-            let on = |(k, ball): (usize, &&Ball)| Some((k, ball.distance_on(&point, settings)?));
+            let stands = t - voxel.since > settings.settling;
+            let on = |(k, (ball, was_hidden)): (usize, &(Round, bool))| {
+                let is_else = *was_hidden && stands && voxel.round != Some(ball.number);
+                Some((k, ball.distance_on(&point, settings.voxel).filter(|_| !is_else)?))
+            };
             let found = balls.iter().enumerate().filter_map(on);
             if let Some((k, _)) = found.min_by(|a, b| a.1.total_cmp(&b.1)) {
                 voxel.cluster = k as u32;
@@ -509,3 +556,6 @@ impl Tracks {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

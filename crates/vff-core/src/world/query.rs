@@ -365,8 +365,9 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
                     return obstacle.meet_hull(pair, hull, probe, state, turn, asked, visit);
                 }
                 if let Some(outlook) = outlook.filter(|_| obstacle.geometry.contacts() > 1) {
+                    let visit = &mut *visit;
                     return obstacle
-                        .for_each_needed(pair, probe, state, turn, reach, outlook, &mut *visit);
+                        .for_each_needed(pair, probe, state, turn, reach, outlook, visit);
                 }
                 obstacle.for_each_barrier(pair, probe, turn, reach, |barrier| {
                     if barrier.distance < reach {
@@ -404,18 +405,12 @@ impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         reach: f64,
         mut visit: impl FnMut(usize),
     ) {
-        self.for_each_near(
-            bodies,
-            reach,
-            reach,
-            &mut |_, _| {},
-            |pair, probe, _, obstacle, _| {
-                // Of a hull by the capsule around it: some may be farther.
-                if obstacle.distance_below(probe, reach) < reach {
-                    visit(pair.obstacle);
-                }
-            },
-        );
+        self.for_each_near(bodies, reach, reach, &mut |_, _| {}, |pair, probe, _, obstacle, _| {
+            // Of a hull by the capsule around it: some may be farther.
+            if obstacle.distance_below(probe, reach) < reach {
+                visit(pair.obstacle);
+            }
+        });
         if matches!(self.named, Named::Each(_)) {
             let all = self.obstacles.iter().enumerate();
             all.filter(|(_, it)| it.is_future()).for_each(|(j, _)| visit(j));

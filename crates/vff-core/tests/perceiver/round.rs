@@ -179,3 +179,104 @@ fn a_ball_that_is_taken_off_a_table_is_gone() {
         }
     }
 }
+
+/// Two cameras that look down, side by side, of which the second looks past what the first one has before it.
+fn two_cameras() -> [DepthCamera; 2] {
+    let eye = camera(2);
+    let beside = DepthCamera { position: [-0.1, 0.0, 1.6], ..eye.clone() };
+    [eye, beside]
+}
+
+/// A ball that one camera has lost is gone as soon as another one looks through it, whatever of the table under it is seen.
+#[test]
+fn a_ball_that_another_camera_looks_through_is_gone() {
+    let eyes = two_cameras();
+    let settings = PerceiverSettings { stride: 1, hidden: 0.3, ..PerceiverSettings::default() };
+    let mut perceiver = Perceiver::new(&panda(), eyes.to_vec(), settings, vec![]).unwrap();
+    let cover = ball([0.4, 0.0, 1.3], 0.15);
+    let above = |perceiver: &Perceiver| {
+        perceiver.points().filter(|(p, _)| (0.03..0.5).contains(&p.z) && p.x > 0.2).count()
+    };
+    for k in 0..130 {
+        let t = PERIOD * f64::from(k);
+        let thing = ball([0.4, 0.1, (0.5 - 0.5 * (t - 1.5)).max(0.08)], 0.08);
+        let shown: &[Capsule] = match k {
+            45..75 => &[thing],
+            75..95 => &[thing, cover],
+            95.. => &[cover],
+            _ => &[],
+        };
+        perceiver.observe(t, &AWAY, &STILL).unwrap();
+        for (camera, eye) in eyes.iter().enumerate() {
+            let picture = looking_down(eye, eye.position, shown);
+            perceiver.see(camera, t, Depth::Millimetres(&picture)).unwrap();
+        }
+        match k {
+            50..95 => assert!(above(&perceiver) > 5, "{k}"),
+            98.. => assert_eq!(above(&perceiver), 0, "{k}"),
+            _ => {}
+        }
+    }
+}
+
+/// A ball that stops below a board does not lend its velocity to what stands farther on, and is remembered where it may be.
+#[test]
+fn what_stands_is_no_ball_that_went_on_out_of_sight() {
+    let eye = camera(2);
+    for speed in [0.6, 1.0, 1.5] {
+        let mut perceiver = deep_perceiver(&eye);
+        let bar = |y: f64, z: f64, radius: f64| Capsule {
+            a: V::new(0.2, y, z),
+            b: V::new(0.6, y, z),
+            radius,
+        };
+        let board: Vec<Capsule> =
+            (0..7).map(|k| bar(-0.02 + 0.04 * f64::from(k), 0.8, 0.03)).collect();
+        let wall: Vec<Capsule> =
+            (0..8).map(|k| bar(0.45, 0.3 + 0.04 * f64::from(k), 0.03)).collect();
+        for k in 0..105 {
+            let t = PERIOD * f64::from(k);
+            let y = (-0.35 + speed * (t - 1.2)).min(0.1);
+            let mut things = [&board[..], &wall].concat();
+            if t > 1.2 {
+                things.push(ball([0.4, y, 0.45], 0.07));
+            }
+            show(&mut perceiver, &eye, t, &things);
+            let stands = perceiver.points().filter(|(p, _)| (p.y - 0.45).abs() < 0.05 && p.z < 0.7);
+            let fastest = stands.map(|(_, velocity)| velocity.norm()).fold(0.0, f64::max);
+            assert!(k < 60 || fastest < 0.05, "{speed}, {k}: {fastest} m/s");
+            let hidden = t - (1.2 + 0.45 / speed);
+            // What is faster would have come out again on the other side before it counts as standing.
+            if speed < 1.2 && (0.1..1.0).contains(&hidden) {
+                assert!(
+                    near(&perceiver, [0.4, y, 0.45], 0.25) > 5,
+                    "{speed}, {k}: it is forgotten"
+                );
+            }
+        }
+    }
+}
+
+/// A picture that comes late, of another camera, ends no track.
+#[test]
+fn a_late_camera_ends_no_track() {
+    let eyes = two_cameras();
+    let settings = PerceiverSettings { stride: 1, memory: 0.0, ..PerceiverSettings::default() };
+    let mut perceiver = Perceiver::new(&panda(), eyes.to_vec(), settings, table()).unwrap();
+    let shown = |eye: &DepthCamera, t: f64| {
+        looking_down(eye, eye.position, &[ball([0.3, 0.5 * t, 0.5], 0.06)])
+    };
+    for k in 0..28 {
+        let t = PERIOD * f64::from(k);
+        perceiver.observe(t, &AWAY, &STILL).unwrap();
+        perceiver.see(0, t, Depth::Millimetres(&shown(&eyes[0], t))).unwrap();
+        if k >= 15 {
+            let seen = perceiver.tracks().into_iter().find(|track| track.camera == 0).unwrap();
+            assert!(seen.is_moving() && seen.seen as i32 == k + 1, "{k}: {seen:?}");
+        }
+        let late = t - 0.35;
+        if late > 0.0 {
+            perceiver.see(1, late, Depth::Millimetres(&shown(&eyes[1], late))).unwrap();
+        }
+    }
+}

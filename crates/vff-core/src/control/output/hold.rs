@@ -109,6 +109,17 @@ impl Hold {
         }
     }
 
+    /// What was made of the torque of this cycle keeps limits and does not hold: the arm is held where it comes to then, and what was
+    /// learned of a load fades. Summed up on, that would push the arm for as long afterwards as it was held back.
+    pub fn is_overruled<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        if !self.holds {
+            return;
+        }
+        self.begin_at(robot.configuration(), robot.velocity());
+        let fading = 1.0 - self.pole * self.period;
+        self.sum.iter_mut().for_each(|sum| *sum *= fading);
+    }
+
     fn begin_at(&mut self, q: &[f64], dq: &[f64]) {
         self.way.copy_from_slice(q);
         self.speed.copy_from_slice(dq);

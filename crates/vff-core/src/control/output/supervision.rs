@@ -395,32 +395,39 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         if !self.brakes {
             // Damping takes energy out of all joints together, and what moves one may be thrown into another; behind a rate the
             // torques come one after the other, besides. What stops keeps to itself: it gives way to nothing.
-            self.confine(controller, false);
+            if self.confine(controller, false) {
+                self.hold.is_overruled(&self.robot);
+            }
         }
         self.send_damping(phase)
     }
 
     /// Lets `controller`, which is at the same state, change what is wanted so that limits are kept, and distances where it
-    /// `spares_distances`.
+    /// `spares_distances`. Whether it does.
     fn confine<const M: usize>(
         &mut self,
         controller: &mut Controller<R, D, M>,
         spares_distances: bool,
-    ) where
+    ) -> bool
+    where
         R: Manipulator<D, M> + Clone,
     {
         let Self { output, acting, sent, period, .. } = self;
         if *period * SHARPEST > 1.0 {
-            return; // the program reckons with shorter ones
+            return false; // the program reckons with shorter ones
         }
         controller.expect(output, sent, *period);
         output.write_wanted(controller.robot(), acting);
+        let mut changes = false;
         if controller.confine(acting, spares_distances).is_some_and(|kept| {
+            let most = acting.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
+            changes = acting.iter().zip(kept).any(|(a, b)| (a - b).abs() > CHANGED * most);
             acting.copy_from_slice(kept);
             kept.iter().all(|tau| tau.is_finite())
         }) {
             output.want(controller.robot(), acting);
         }
+        changes
     }
 
     /// A cycle without a state.
@@ -561,6 +568,9 @@ fn damping_before_stops<R: Robot<D>, const D: usize>(robot: &R, sharpest: f64) -
 
 /// For so long, or for `missed_cycles` periods, a robot of which nothing is heard is taken to hold what it was sent last \[s\].
 const HELD: f64 = 0.02;
+
+/// A torque is another one that is off by more than this part of the largest.
+const CHANGED: f64 = 1e-3;
 
 /// What a stop keeps from the stops of joints \[rad, m\].
 const KEPT_ANGLE: f64 = 0.01;

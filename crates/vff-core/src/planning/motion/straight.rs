@@ -8,11 +8,12 @@ use super::*;
 use crate::math::{Vector, in_space};
 use nalgebra::{Matrix3, Matrix6};
 
-/// How far the end effector goes from one configuration to the next, and how far off the line it may be half way between them, of the
-/// arm's characteristic length; and how often the first is halved at most.
+/// How far the end effector goes from one configuration to the next at first, and how far off the line it may be half way between them,
+/// of the arm's characteristic length; how often the first is halved at most, and of the second the part from which on it is doubled.
 const STRIDE: f64 = 0.01;
 const OFF: f64 = 1e-4;
 const HALVINGS: u32 = 10;
+const STRAIGHT: f64 = 1e-3;
 /// Steps to a configuration, how near they have to come \[m, rad\], and their damping, of the squared length.
 const STEPS: usize = 30;
 const PRECISION: f64 = 1e-9;
@@ -198,11 +199,13 @@ fn along_line<R: Jointed<D>, const D: usize>(
     }
     let line = Line { from: Stand::of(robot), way: *way, size };
     let mut gone = 0.0;
-    let stride = STRIDE * size / way.norm();
+    let mut stride = STRIDE * size / way.norm();
     while gone < 1.0 {
         // Not a crumb at the end.
         let next = if gone + 1.5 * stride < 1.0 { gone + stride } else { 1.0 };
-        line.go(robot, [gone, next], HALVINGS, &mut all)?;
+        // Joints that slide go straight however far.
+        let doubles = line.go(robot, [gone, next], HALVINGS, &mut all)? <= STRAIGHT;
+        stride *= if doubles { 2.0 } else { 1.0 };
         gone = next;
     }
     Ok(all)
@@ -221,14 +224,15 @@ impl Line {
         Stand { place: self.from.place + self.way * share, axes: self.from.axes }
     }
 
-    /// From one share of the way to another one, in halves where the joints would leave the line in between; or the share where that ends.
+    /// From one share of the way to another one, in halves where the joints would leave the line in between, and how far they are off it
+    /// there, of as far as they may be; or the share where that ends.
     fn go<R: Jointed<D>, const D: usize>(
         &self,
         robot: &mut R,
         [a, b]: [f64; 2],
         halvings: u32,
         all: &mut Way,
-    ) -> Result<(), f64> {
+    ) -> Result<f64, f64> {
         let last = &all[all.len() - 1];
         let mut next = last.clone();
         let middle = 0.5 * (a + b);
@@ -236,16 +240,17 @@ impl Line {
             let half: Vec<f64> = last.iter().zip(&next).map(|(a, b)| 0.5 * (a + b)).collect();
             robot.update_positions(&half);
             let [off, turned] = Stand::of(robot).to(&self.at(middle)).map(|v| v.norm());
-            if off <= OFF * self.size && turned <= OFF {
+            let off = f64::max(off / self.size, turned) / OFF;
+            if off <= 1.0 {
                 all.push(next);
-                return Ok(());
+                return Ok(off);
             }
         }
         if halvings == 0 {
             return Err(a);
         }
-        self.go(robot, [a, middle], halvings - 1, all)?;
-        self.go(robot, [middle, b], halvings - 1, all)
+        let first = self.go(robot, [a, middle], halvings - 1, all)?;
+        Ok(self.go(robot, [middle, b], halvings - 1, all)?.max(first).max(1.0))
     }
 
     /// Moves `q` to where the end effector stands as asked, as little as that takes (T106); whether it came there. A joint that comes to

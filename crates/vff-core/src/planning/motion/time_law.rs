@@ -15,6 +15,8 @@ const GRID: f64 = 6.0;
 const FEWEST: f64 = 120.0;
 /// Halvings in the search for the largest speed.
 const HALVINGS: usize = 48;
+/// The largest squared speed along the curve that is looked for in so many halvings \[1/s²\].
+const MOST: f64 = 1e6;
 /// Width of the two means that make the time law smooth, and the most for the sake of jerks \[s\].
 const SMOOTH: [f64; 2] = [0.06, 0.5];
 /// How fine the time law is \[s\].
@@ -188,12 +190,14 @@ impl TimeLaw {
                 let [lower, upper] = range(rows, x);
                 lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
             };
-            // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
-            let (mut low, mut high) = (0.0, fast.min(1e6));
+            // What stands still at the end comes from x > 0, and no joint may move where q′ = 0. Nothing has to go all the way in a tick.
+            let any = if fast.is_finite() { (curve.end() / TICK).powi(2) } else { 0.0 };
+            let (mut low, mut high) = (0.0, fast.min(any.max(MOST)));
+            let halvings = HALVINGS + (high / MOST).log2().max(0.0) as usize;
             if is_possible(high) {
                 low = high;
             } else {
-                for _ in 0..HALVINGS {
+                for _ in 0..halvings {
                     let middle = 0.5 * (low + high);
                     if is_possible(middle) { low = middle } else { high = middle }
                 }

@@ -138,7 +138,7 @@ where
         let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
             Ok(law) => law,
             Err(Stop::Heavy(heavy)) => return Ok(Err(self.too_heavy(heavy))),
-            Err(Stop::Winding) => return Ok(Err(self.too_tight())),
+            Err(Stop::Winding) => return Ok(Err(too_winding())),
             Err(Stop::Slow(duration)) => return Err(too_slow(duration)),
         };
         let mut state = [0; 3].map(|_| vec![0.0; n]);
@@ -325,6 +325,12 @@ fn throughout(rates: &[[f64; 2]; CHECKS as usize]) -> [[f64; 2]; CHECKS as usize
     all[1..=last + 1].copy_from_slice(rates);
     all[last + 2] = beyond(rates[last], rates[last - 1]);
     all.map(|rate| rate.map(f64::abs))
+}
+
+/// What is said of a way of so many steps that there is no room for their speeds.
+fn too_winding() -> (PlanStatus, String) {
+    let why = "there is a path, of more steps than there is room for; shorter straight ways, or a shorter path, may help";
+    (PlanStatus::NotFound, why.to_owned())
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The reference of a scenario as a loop follows it: by a clock that waits where the settings have a governor, and of a plan with its
 //! posture, its margins, and another plan where it leads nowhere any more.
 
-use crate::control::{Controller, MotionLimits};
+use crate::control::{Controller, Gains, MotionLimits};
 use crate::math::Pose;
 use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Robot};
@@ -175,10 +175,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
     }
 
     /// Why a robot with these joints and this end effector is too far from its beginning.
-    pub(super) fn missed_start(&self, q: &[f64], pose: &S::Pose) -> Option<MissedStart> {
+    pub(super) fn missed_start(
+        &self,
+        q: &[f64],
+        pose: &S::Pose,
+        gains: &Gains<M>,
+    ) -> Option<MissedStart> {
         if let Some(joints) = self.joints() {
             let pairs = q.iter().zip(joints.first()).enumerate();
-            let mut far = pairs.filter(|(_, (q, first))| (*q - *first).abs() > NEAR);
+            let mut far = pairs.filter(|(i, (q, first))| gains.way(*i, **q, **first).abs() > NEAR);
             return far.next().map(|(joint, (q, first))| MissedStart::Joint {
                 joint,
                 q: *q,

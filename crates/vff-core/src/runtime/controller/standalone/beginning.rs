@@ -14,7 +14,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     pub(super) fn missed(&self) -> Option<MissedStart> {
         let robot = self.controller.robot();
         let followed = self.followed.as_ref().filter(|followed| !followed.has_begun())?;
-        followed.missed_start(robot.configuration(), &robot.pose())
+        followed.missed_start(robot.configuration(), &robot.pose(), self.controller.gains())
     }
 
     /// The same of an arm at `q`, when the reference begins once more.
@@ -23,7 +23,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let followed = self.followed.as_ref()?;
         let mut robot = self.controller.robot().clone();
         robot.update_positions(q);
-        followed.missed_start(q, &robot.pose())
+        followed.missed_start(q, &robot.pose(), self.controller.gains())
     }
 
     /// Sees the arm at rest at `q`.
