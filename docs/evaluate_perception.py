@@ -118,7 +118,8 @@ are wide (T191), and round ones for the balls that they are (T205). What is cut 
 nearer than that in the cloud, so that the law keeps 3 cm instead of 2: with 1 cm it takes what comes
 slowly for far enough away, until that touches. The room is one of 4 × 4 × 2.5 m: what comes into it is
 news, and the arms reach 0.9 m. These numbers were settled on training seeds; the table is of twenty
-other seeds. It was made anew where faults were mended, and nothing was chosen by it. The look-ahead searches where a contact is less than 1.0 s ahead
+other seeds. It was made anew where faults were mended, and nothing was chosen by it.
+The look-ahead searches where a contact is less than 1.0 s ahead
 instead of 1.2 s (`preview.trigger`): the velocities of what cameras see are less certain than those of
 what is known.
 
