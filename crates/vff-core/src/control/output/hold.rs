@@ -84,9 +84,9 @@ impl Hold {
             robot.mass_mul(dq, &mut self.deceleration);
             let energy: f64 = dq.iter().zip(&self.deceleration).map(|(dq, p)| 0.5 * dq * p).sum();
             let left = self.left.get_or_insert(energy);
-            let (is_slow, is_left) = (dq.iter().all(|dq| dq.abs() <= SLOW), energy <= LEFT * *left);
+            let is_left = energy <= LEFT * *left;
             *left *= decay.powi(2);
-            if is_left && !is_slow || self.damping * self.period > 1.0 {
+            if is_left && !is_slow(dq) || self.damping * self.period > 1.0 {
                 return;
             }
             self.holds = true;
@@ -109,13 +109,15 @@ impl Hold {
         }
     }
 
-    /// What was made of the torque of this cycle keeps limits and does not hold: the arm is held where it comes to then, and what was
-    /// learned of a load fades. Summed up on, that would push the arm for as long afterwards as it was held back.
+    /// What was made of the torque of this cycle keeps limits and does not hold: an arm that is not slow is held where it comes to then,
+    /// and what was learned of a load fades. Summed up on, that would push the arm for as long afterwards as it was held back.
     pub fn is_overruled<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
-        if !self.holds {
+        let [q, dq] = [robot.configuration(), robot.velocity()];
+        // One that a load pushes to the end of a joint's range goes on to be held there.
+        if !self.holds || is_slow(dq) {
             return;
         }
-        self.begin_at(robot.configuration(), robot.velocity());
+        self.begin_at(q, dq);
         let fading = 1.0 - self.pole * self.period;
         self.sum.iter_mut().for_each(|sum| *sum *= fading);
     }
@@ -153,4 +155,9 @@ impl Hold {
         let joints = self.torque.iter().zip(&robot.limits().torque);
         joints.fold(1.0, |most, (tau, limit)| most.min(STRENGTH * limit / tau.abs()))
     }
+}
+
+/// Whether no joint is fast, at these velocities \[rad/s, m/s\].
+fn is_slow(dq: &[f64]) -> bool {
+    dq.iter().all(|dq| dq.abs() <= SLOW)
 }
