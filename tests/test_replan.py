@@ -82,6 +82,21 @@ def test_a_new_plan_that_is_longer_than_the_run_is_told_of(result: vff.Result) -
     assert f"the new plan had {short.metrics['end_time_left']:.3g} s to go" in short.headline.lines[0]
 
 
+def test_a_joint_may_begin_in_another_turn_than_its_plan() -> None:
+    """Where the arm strays, another plan begins where it is, in the turn of its plan: not a turn away."""
+    ball = {
+        "shape": {"kind": "circle", "radius": 0.4},
+        "position": [2.6, 3.6],
+        "motion": {"kind": "linear", "velocity": [0.0, -0.8]},
+    }
+    replan = {"latency": 0.1, "horizon": 0.0, "patience": 0.3, "stray": 0.1}
+    scene = {**BLOCKED, "duration": 9.0, "obstacles": [ball], "replan": replan}
+    here, there = (vff.simulate({**scene, "q0": [0.2 + turn, 0.3, 0.3, 0.3]}) for turn in (0.0, -2 * np.pi))
+    taken = [[search.reason for search in run.replans if search.taken is not None] for run in (here, there)]
+    assert {"stuck", "strayed"} <= set(taken[0]) and taken[1] == taken[0]
+    np.testing.assert_allclose(there.q + np.array([2 * np.pi, 0.0, 0.0, 0.0]), here.q, atol=1e-6)
+
+
 def test_runs_repeat_in_any_number_of_threads(result: vff.Result) -> None:
     for other in vff.simulate_many([BLOCKED, BLOCKED], threads=2):
         np.testing.assert_array_equal(other.q, result.q)

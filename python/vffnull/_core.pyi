@@ -1368,7 +1368,9 @@ class Perceiver:
         """When the last picture was taken [s], on the clock of the states; None before the first."""
     @property
     def radius(self) -> float:
-        """A radius with which balls at the points cover what is seen [m]: half a cell's diagonal."""
+        """A radius with which balls at the points cover what is seen [m], and to a tenth of it what is round:
+        half a cell's diagonal.
+        """
     @property
     def tracks(self) -> list[dict[str, Any]]:
         """The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it,

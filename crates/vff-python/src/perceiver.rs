@@ -498,7 +498,8 @@ impl Perceiver {
         Ok(self.inner.take(py)?.last())
     }
 
-    /// A radius with which balls at the points cover what is seen [m]: half a cell's diagonal.
+    /// A radius with which balls at the points cover what is seen [m], and to a tenth of it what is round:
+    /// half a cell's diagonal.
     #[getter]
     fn radius(&self, py: Python<'_>) -> PyResult<f64> {
         Ok(self.inner.take(py)?.radius())

@@ -3,7 +3,7 @@
 use super::metric::TaskMetric;
 use super::motion_limits::MotionLimits;
 use super::settings::{Avoidance, Settings};
-use crate::math::{ScalarOrVec, whole_turns};
+use crate::math::{ScalarOrVec, short_way};
 use crate::robot::{Model, Robot};
 use nalgebra::SVector;
 use std::ops::{Deref, DerefMut};
@@ -80,7 +80,7 @@ pub struct Gains<const M: usize> {
     pub null_damping: NullDamping,
     /// Posture spring: (q_d \[rad\], K_v \[N·m/rad\]) per joint, empty without posture.
     pub posture: Vec<(f64, f64)>,
-    /// Which joints turn without an end: whole turns are nothing to their springs. Empty if none does.
+    /// Which joints turn without an end; none where nothing is known of the arm.
     endless: Vec<bool>,
     /// See [`Settings::characteristic_length`].
     pub characteristic_length: f64,
@@ -149,11 +149,8 @@ impl<const M: usize> Gains<M> {
     /// The same with the characteristic length of `arm`, where the settings leave it open, and with what turns without an end.
     #[must_use]
     pub fn of_arm<A: Model<D>, const D: usize>(self, settings: &Settings, arm: &A) -> Self {
-        let mut endless = arm.endless();
-        if endless.iter().all(|it| !it) {
-            endless.clear();
-        }
-        Self { characteristic_length: settings.length_of(arm), endless, ..self }
+        let characteristic_length = settings.length_of(arm);
+        Self { characteristic_length, endless: arm.endless(), ..self }
     }
 
     /// The same for joints that are moved within these limits, if any, whatever the torque.
@@ -193,10 +190,9 @@ impl<const M: usize> Gains<M> {
         self.posture.extend(posture_of(&self.settings));
     }
 
-    /// From `q` to `goal` \[rad or m\] of a joint: the short way round where that turns without an end.
-    pub fn way(&self, joint: usize, q: f64, goal: f64) -> f64 {
-        let way = goal - q;
-        if self.endless.get(joint) == Some(&true) { way - whole_turns(way) } else { way }
+    /// From one angle or place of a joint to another \[rad or m\]: the short way round where that turns without an end.
+    pub fn way(&self, joint: usize, from: f64, to: f64) -> f64 {
+        short_way(to - from, self.endless.get(joint) == Some(&true))
     }
 
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.

@@ -148,7 +148,7 @@ impl Reaction {
         let stays = if *is_pushed { 1.0 } else { 1.0 - share((1.0 - *activity) / recovery) };
         for (i, (rest, stiffness)) in gains.posture.iter().enumerate() {
             let eta = &mut posture[i];
-            *eta += lets_go * (-gains.way(i, q[i], *rest) - *eta);
+            *eta += lets_go * (gains.way(i, *rest, q[i]) - *eta);
             *eta *= stays;
             torque[i] = stiffness * *eta;
         }

@@ -66,6 +66,12 @@ pub fn whole_turns(angle: f64) -> f64 {
     TAU * (angle / TAU).round()
 }
 
+/// The way of a joint \[rad or m\], the short one round where it turns without an end: whole turns are nothing to it.
+#[inline]
+pub fn short_way(way: f64, is_endless: bool) -> f64 {
+    if is_endless { way - whole_turns(way) } else { way }
+}
+
 /// 0 below 0, 1 above 1, and 3s² − 2s³ between.
 #[inline]
 pub fn smoothstep(s: f64) -> f64 {

@@ -1,7 +1,7 @@
 //! Where the arm was when a picture was taken: its last states, and what lies between them.
 
 use super::PerceptionError;
-use crate::math::whole_turns;
+use crate::math::short_way;
 use crate::robot::Model;
 use crate::robot::SpatialArm;
 
@@ -160,10 +160,8 @@ impl History {
         let h = self.times[to] - self.times[from];
         let s = (t - self.times[from]) / h;
         for i in 0..self.n {
-            let (mut way, a, b) = (q1[i] - q0[i], dq0[i] * h, dq1[i] * h);
-            if self.is_endless[i] {
-                way -= whole_turns(way);
-            }
+            let way = short_way(q1[i] - q0[i], self.is_endless[i]);
+            let [a, b] = [dq0[i] * h, dq1[i] * h];
             let [second, third] = [3.0 * way - 2.0 * a - b, a + b - 2.0 * way];
             q[i] = q0[i] + s * (a + s * (second + s * third));
             dq[i] = (a + s * (2.0 * second + 3.0 * s * third)) / h;

@@ -526,7 +526,7 @@ impl Perceiver {
         self.tracks.tracks().collect()
     }
 
-    /// A radius with which balls at the points cover what is seen \[m\], what is round to a tenth of it: half the diagonal of a cell.
+    /// A radius with which balls at the points cover what is seen \[m\], and to a tenth of it what is round: half the diagonal of a cell.
     pub fn radius(&self) -> f64 {
         self.map.half_diagonal()
     }

@@ -440,12 +440,10 @@ impl Tracks {
             voxel.point += voxel.velocity * (voxel.last - t).min(COASTS);
         }
         // What was seen of a ball has gone on with it, wherever no camera looks.
-        let is_seen = |number| {
-            self.bodies
-                .iter()
-                .any(|body| body.number == number && body.camera == camera && body.is_seen_round())
-        };
-        map.drop_where(|voxel| voxel.hits == 0 && voxel.round.is_some_and(is_seen));
+        let own = self.bodies.iter().filter(|body| body.camera == camera);
+        let seen: Vec<u64> =
+            own.filter(|body| body.is_seen_round()).map(|body| body.number).collect();
+        map.drop_where(|voxel| voxel.hits == 0 && voxel.round.is_some_and(|it| seen.contains(&it)));
     }
 
     /// Begins with the cells that are hit where a ball of a camera is expected, and says which bodies these are, as they are numbered.

@@ -15,7 +15,7 @@ use super::motion::{
 use crate::control::{MotionLimits, SelfCollision, speed_shares};
 use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
-use crate::math::{Pose, ScalarOrVec, Vector};
+use crate::math::{Pose, ScalarOrVec, Vector, short_way, whole_turns};
 use crate::planned_reference::follow_plan;
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
@@ -64,6 +64,8 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     given: ReplanSettings,
     seed: u64,
     arm: Arc<S::Arm>,
+    /// Which of its joints turn without an end.
+    endless: Vec<bool>,
     /// Where the end effector stands upright \[rad or m\].
     upright: Vec<f64>,
     /// As it is at the beginning.
@@ -114,6 +116,7 @@ where
         state.update_positions(&scenario.q0);
         let mut this = Self {
             arm: Arc::clone(arm),
+            endless: arm.endless(),
             upright: scenario.q0.clone(),
             world: world.clone(),
             goal: Manipulator::<D, M>::pose(&state),
@@ -189,8 +192,8 @@ where
         match moment.reference.joints() {
             Some(plan) => {
                 let planned = moment.posture.iter().map(|(planned, _)| planned);
-                let left = farthest(plan.last(), moment.q.iter());
-                Place { is_off, from_plan: farthest(moment.q, planned), left }
+                let left = farthest(&self.endless, plan.last(), moment.q.iter());
+                Place { is_off, from_plan: farthest(&self.endless, moment.q, planned), left }
             }
             None if is_off => {
                 let robot = &mut self.ahead.robot;
@@ -200,6 +203,17 @@ where
             }
             None => Place { is_off, from_plan: 0.0, left: f64::INFINITY },
         }
+    }
+
+    /// Where the joints are, those that turn without an end in the turn of what is followed \[rad or m\]: a plan takes its place.
+    fn in_turn(&self, moment: &Moment<'_, S, D, M>) -> Vec<f64> {
+        let mut start = moment.q.to_vec();
+        for (i, (q, (planned, _))) in start.iter_mut().zip(moment.posture).enumerate() {
+            if self.endless[i] {
+                *q -= whole_turns(*q - planned);
+            }
+        }
+        start
     }
 
     /// Whether the arm could go straight from `task.start` to the end, were nothing to move.
@@ -252,7 +266,7 @@ where
         self.waits = 0;
         self.ahead.begin_anew();
         let last = plan.q.rchunks(moment.q.len()).next().unwrap_or_default();
-        self.progress.nearest = [farthest(last, moment.q.iter()), moment.t];
+        self.progress.nearest = [farthest(&self.endless, last, moment.q.iter()), moment.t];
         let Moment { pace, reference, posture, .. } = *moment;
         let change = Change { time: pace.time, blend: self.settings.blend };
         let usual = moment.law.yielding.margin;
@@ -284,7 +298,7 @@ where
             kept: speed_shares(&moment.law.command, moment.law.observer.is_some()),
             keeps_apart: moment.law.self_collision != SelfCollision::Ignore,
             goal: Goal::Pose(self.goal),
-            start: moment.q.to_vec(),
+            start: self.in_turn(moment),
         };
         come_inside(&mut task.start, task.arm.limits());
         // A plan that is over pulls straight to its end, as a curve does: if that way is free, what is passing by has to be waited
@@ -393,6 +407,7 @@ where
     fn exchange_arm(&mut self, arm: &Arc<S::Arm>, robot: &mut S::State) {
         if !Arc::ptr_eq(&self.arm, arm) {
             self.arm.clone_from(arm);
+            self.endless = arm.endless();
             swap(&mut self.ahead.robot, robot);
             self.ahead.begin_anew();
             self.give_up();
@@ -430,6 +445,7 @@ where
             settings: copied(&self.settings),
             given: copied(&self.given),
             arm: Arc::clone(&self.arm),
+            endless: copied(&self.endless),
             upright: copied(&self.upright),
             world: self.world.clone(),
             first: self.first.clone(),
@@ -512,9 +528,10 @@ fn copied<T: Clone>(it: &T) -> T {
     it.clone()
 }
 
-/// The difference of the joint that differs most \[rad or m\].
-fn farthest<'a>(a: &[f64], b: impl Iterator<Item = &'a f64>) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+/// The difference of the joint that differs most, of which some turn without an end \[rad or m\].
+fn farthest<'a>(endless: &[bool], a: &[f64], b: impl Iterator<Item = &'a f64>) -> f64 {
+    let ways = a.iter().zip(b).map(|(a, b)| a - b).zip(endless);
+    ways.map(|(way, endless)| short_way(way, *endless).abs()).fold(0.0, f64::max)
 }
 
 /// How much an error is, of position or of orientation \[m\].

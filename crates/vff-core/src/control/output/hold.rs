@@ -111,7 +111,7 @@ impl Hold {
 
     /// What was made of the torque of this cycle keeps limits and does not hold: an arm that is not slow is held where it comes to then,
     /// and what was learned of a load fades. Summed up on, that would push the arm for as long afterwards as it was held back.
-    pub fn is_overruled<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+    pub fn be_overruled<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let [q, dq] = [robot.configuration(), robot.velocity()];
         // One that a load pushes to the end of a joint's range goes on to be held there.
         if !self.holds || is_slow(dq) {

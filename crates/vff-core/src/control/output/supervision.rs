@@ -396,7 +396,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             // Damping takes energy out of all joints together, and what moves one may be thrown into another; behind a rate the
             // torques come one after the other, besides. What stops keeps to itself: it gives way to nothing.
             if self.confine(controller, false) {
-                self.hold.is_overruled(&self.robot);
+                self.hold.be_overruled(&self.robot);
             }
         }
         self.send_damping(phase)
@@ -418,15 +418,14 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         }
         controller.expect(output, sent, *period);
         output.write_wanted(controller.robot(), acting);
-        let mut changes = false;
-        if controller.confine(acting, spares_distances).is_some_and(|kept| {
-            let most = acting.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
-            changes = acting.iter().zip(kept).any(|(a, b)| (a - b).abs() > CHANGED * most);
-            acting.copy_from_slice(kept);
-            kept.iter().all(|tau| tau.is_finite())
-        }) {
-            output.want(controller.robot(), acting);
-        }
+        let kept = controller.confine(acting, spares_distances);
+        let Some(kept) = kept.filter(|kept| kept.iter().all(|tau| tau.is_finite())) else {
+            return false;
+        };
+        let most = acting.iter().fold(0.0_f64, |most, tau| most.max(tau.abs()));
+        let changes = acting.iter().zip(kept).any(|(a, b)| (a - b).abs() > CHANGED * most);
+        acting.copy_from_slice(kept);
+        output.want(controller.robot(), acting);
         changes
     }
 

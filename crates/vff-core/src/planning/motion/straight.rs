@@ -204,8 +204,9 @@ fn along_line<R: Jointed<D>, const D: usize>(
         // Not a crumb at the end.
         let next = if gone + 1.5 * stride < 1.0 { gone + stride } else { 1.0 };
         // Joints that slide go straight however far.
-        let doubles = line.go(robot, [gone, next], HALVINGS, &mut all)? <= STRAIGHT;
-        stride *= if doubles { 2.0 } else { 1.0 };
+        if line.go(robot, [gone, next], HALVINGS, &mut all)? {
+            stride *= 2.0;
+        }
         gone = next;
     }
     Ok(all)
@@ -224,15 +225,15 @@ impl Line {
         Stand { place: self.from.place + self.way * share, axes: self.from.axes }
     }
 
-    /// From one share of the way to another one, in halves where the joints would leave the line in between, and how far they are off it
-    /// there, of as far as they may be; or the share where that ends.
+    /// From one share of the way to another one, in halves where the joints would leave the line in between; whether they are straight
+    /// enough for larger steps, or the share where the way ends.
     fn go<R: Jointed<D>, const D: usize>(
         &self,
         robot: &mut R,
         [a, b]: [f64; 2],
         halvings: u32,
         all: &mut Way,
-    ) -> Result<f64, f64> {
+    ) -> Result<bool, f64> {
         let last = &all[all.len() - 1];
         let mut next = last.clone();
         let middle = 0.5 * (a + b);
@@ -240,17 +241,18 @@ impl Line {
             let half: Vec<f64> = last.iter().zip(&next).map(|(a, b)| 0.5 * (a + b)).collect();
             robot.update_positions(&half);
             let [off, turned] = Stand::of(robot).to(&self.at(middle)).map(|v| v.norm());
-            let off = f64::max(off / self.size, turned) / OFF;
-            if off <= 1.0 {
+            let is_within = |share: f64| off <= share * OFF * self.size && turned <= share * OFF;
+            if is_within(1.0) {
                 all.push(next);
-                return Ok(off);
+                return Ok(is_within(STRAIGHT));
             }
         }
         if halvings == 0 {
             return Err(a);
         }
-        let first = self.go(robot, [a, middle], halvings - 1, all)?;
-        Ok(self.go(robot, [middle, b], halvings - 1, all)?.max(first).max(1.0))
+        self.go(robot, [a, middle], halvings - 1, all)?;
+        self.go(robot, [middle, b], halvings - 1, all)?;
+        Ok(false)
     }
 
     /// Moves `q` to where the end effector stands as asked, as little as that takes (T106); whether it came there. A joint that comes to

@@ -183,6 +183,7 @@ impl TimeLaw {
         }
         // From the end: the largest x from which the rest can be done.
         let mut most = vec![0.0; count + 1];
+        let in_a_tick = (curve.end() / TICK).powi(2); // all of the curve: nothing has to be faster
         for k in (0..count).rev() {
             let (rows, fast) = &limits[k];
             let next = most[k + 1];
@@ -190,13 +191,13 @@ impl TimeLaw {
                 let [lower, upper] = range(rows, x);
                 lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
             };
-            // What stands still at the end comes from x > 0, and no joint may move where q′ = 0. Nothing has to go all the way in a tick.
-            let any = if fast.is_finite() { (curve.end() / TICK).powi(2) } else { 0.0 };
-            let (mut low, mut high) = (0.0, fast.min(any.max(MOST)));
-            let halvings = HALVINGS + (high / MOST).log2().max(0.0) as usize;
+            // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
+            let any = if fast.is_finite() { in_a_tick.max(MOST) } else { MOST };
+            let (mut low, mut high) = (0.0, fast.min(any));
             if is_possible(high) {
                 low = high;
             } else {
+                let halvings = HALVINGS + (high / MOST).log2().max(0.0) as usize;
                 for _ in 0..halvings {
                     let middle = 0.5 * (low + high);
                     if is_possible(middle) { low = middle } else { high = middle }

@@ -14,8 +14,8 @@ fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Re
     let settings = ReplanSettings::default();
     let place = Place {
         is_off: error > settings.tolerance,
-        from_plan: farthest(q, planned.iter()),
-        left: farthest(joints.last(), q.iter()),
+        from_plan: farthest(&[false; 2], q, planned.iter()),
+        left: farthest(&[false; 2], joints.last(), q.iter()),
     };
     progress.look(t, place, &settings)
 }

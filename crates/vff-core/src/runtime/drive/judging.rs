@@ -1,7 +1,7 @@
 //! Whether what a robot says of itself fits together.
 
 use super::ending::Fault;
-use crate::math::whole_turns;
+use crate::math::short_way;
 use std::time::Instant;
 
 /// A clock that goes on by so many periods from one to the next, so often in a row, does not count in seconds.
@@ -109,10 +109,7 @@ impl Judge {
         if *elapsed < WINDOW {
             return None;
         }
-        let gone = |i: usize| {
-            let way = q[i] - from[i];
-            if endless[i] { way - whole_turns(way) } else { way }
-        };
+        let gone = |i: usize| short_way(q[i] - from[i], endless[i]);
         let differs = |i: &usize| (told[*i] - gone(*i)).abs() > SHARE * gone(*i).abs().max(LEAST);
         // The same way backwards is a sign, and throws an arm soon.
         let is_mirrored = |i: &usize| {
@@ -184,7 +181,7 @@ mod tests {
             let mut noise = crate::math::Noise::new(3, 0);
             let found = (0..2000).find_map(|k| {
                 let angle = PI + 1e-4 * noise.draw();
-                judge.look(1e-3 * f64::from(k), &[angle - whole_turns(angle)], &[0.0])
+                judge.look(1e-3 * f64::from(k), &[short_way(angle, true)], &[0.0])
             });
             assert_eq!(found.is_none(), endless, "{found:?}");
         }
