@@ -488,7 +488,11 @@ def test_what_is_still_within_the_horizon_stands_still(found: vff.Plan) -> None:
     spins = later | {"points": [bar["position"]] * 2, "angles": [0.0, 3.0]}
     assert vff.plan(scene.replace(obstacles=[*walls, bar | {"motion": spins}])).status == "found"
     leaves = rests | {"motion": later | {"times": [0.5, 0.6]}}
-    blocked = vff.plan(scene.replace(obstacles=[*walls, leaves]))
+    passed = vff.plan(scene.replace(obstacles=[*walls, leaves]))
+    assert passed.status == "found" and passed.begins == 0.0
+    way = later | {"times": [0.5, 0.6], "points": [[-9.5, -9.5], [0.0, 0.0]]}
+    comes = rests | {"position": way["points"][0], "motion": way}
+    blocked = vff.plan(scene.replace(obstacles=[*walls, comes]))
     assert blocked.status == "start blocked" and "obstacle 2 passes within the horizon" in blocked.message
     slow = rests | {"motion": {"kind": "linear", "velocity": [0.0, -0.02]}}
     fast = {"shape": {"kind": "circle", "radius": 0.1}, "position": [-50.0, 5.0]}

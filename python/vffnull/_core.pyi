@@ -2030,7 +2030,7 @@ def plan(
     -------
     dict
         ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``tip``, ``clearance``, ``margin``,
-        ``margins``, ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
+        ``margins``, ``shares``, ``begins``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
 
     Raises
     ------

@@ -50,7 +50,7 @@ use vff_core::trajectory::JointSpline;
 /// -------
 /// dict
 ///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``tip``, ``clearance``, ``margin``,
-///     ``margins``, ``shares``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
+///     ``margins``, ``shares``, ``begins``, ``tilt``, ``view``, ``gap``, ``samples``, ``nodes``.
 ///
 /// Raises
 /// ------
@@ -123,6 +123,7 @@ pub fn plan<'py>(
     }
     found.set_item("clearance", plan.clearance)?;
     found.set_item("margin", plan.margin)?;
+    found.set_item("begins", plan.begins)?;
     found.set_item("tilt", plan.tilt)?;
     found.set_item("view", plan.view)?;
     found.set_item("gap", plan.gap)?;

@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 _FORMAT = 1
 _ARRAYS = ("t", "q", "dq", "ddq", "tip", "margins", "shares")
 _KEPT = ("margins", "shares")  # of each link, where it is known
-_SAME = 1e-9  # rad or m
+_PERHAPS = ("tilt", "view", "begins")  # None where that is not known, or does not matter
+_SAME = 1e-9  # rad, m or s
 _NUMBERS = ("clearance", "margin", "gap", "samples", "nodes", "wall_time")
 
 
@@ -103,6 +104,9 @@ class Plan:
         was not asked for, or nothing was found.
     view : float or None
         The same of how far off the axis of the end effector it has the point that it keeps in view.
+    begins : float or None
+        When it has to begin, by the time of its scenario [s], if it keeps from what moves only when that
+        passes; None if it may begin at any time.
     ignored : tuple of (str, str)
         Pairs of links that were not measured against each other: the ``ignore`` of the arm.
     """
@@ -125,6 +129,7 @@ class Plan:
     ignored: tuple[tuple[str, str], ...] = ()
     tilt: float | None = None
     view: float | None = None
+    begins: float | None = None
 
     @property
     def duration(self) -> float:
@@ -187,8 +192,8 @@ class Plan:
         Raises
         ------
         vffnull.errors.InputError
-            If one of them holds no motion, the other one begins elsewhere, or the pause is none, or so short
-            or long that instants would coincide.
+            If one of them holds no motion, the other one begins elsewhere or has to begin at another time, or
+            the pause is none, or so short or long that instants would coincide.
         """
         self._needed()
         following._needed()
@@ -200,6 +205,15 @@ class Plan:
         apart = float(np.abs(following.q[0] - self.q[-1]).max())
         if apart > _SAME:
             raise InputError(f"following: must begin where this plan ends, not {apart:.2g} rad or m away")
+        begins = self.begins
+        if following.begins is not None:
+            begins = following.begins - self.duration - rest
+            if begins < -_SAME or (self.begins is not None and abs(begins - self.begins) > _SAME):
+                raise InputError(
+                    f"following: goes past what moves and has to begin at {following.begins:.6g} s, which "
+                    f"is not {rest:.6g} s after this plan ends; plan it for another `time`"
+                )
+            begins = max(begins, 0.0)
         joined = {
             name: np.concatenate([getattr(self, name), getattr(following, name)])
             for name in _ARRAYS
@@ -228,6 +242,7 @@ class Plan:
             ignored=tuple(dict.fromkeys(self.ignored + following.ignored)),
             tilt=_most(self.tilt, following.tilt),
             view=_most(self.view, following.view),
+            begins=begins,
             **joined,
         )
 
@@ -253,7 +268,7 @@ class Plan:
         header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
         header["message"] = self.message
         header["ignored"] = self.ignored
-        header |= {"tilt": self.tilt, "view": self.view}
+        header |= {name: getattr(self, name) for name in _PERHAPS}
         header |= {name: getattr(self, name) for name in _NUMBERS}
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         header["digest"] = digest(json.dumps(header), arrays.values())
@@ -292,7 +307,7 @@ class Plan:
             message = str(header.get("message", ""))  # older files have none
             ignored = tuple((str(a), str(b)) for a, b in header.get("ignored", ()))
             status = PlanStatus(header["status"])
-            for name in ("tilt", "view"):
+            for name in _PERHAPS:
                 values[name] = None if header.get(name) is None else float(header[name])
             plan = cls(status=status, message=message, ignored=ignored, **values, **arrays)
         except InputError:

@@ -3,6 +3,7 @@
 use crate::interrupt;
 use crate::math::{Vector, sort_by_first};
 use crate::world::{HORIZON, ObstacleBoxes, ObstacleGeometry, World};
+use std::ops::Range;
 
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
@@ -15,6 +16,10 @@ const ALIKE: f64 = 1.1;
 /// From this slack on \[m\], rounding is no longer far below all that matters, and this share of it is added.
 const FAR: f64 = 1e3;
 const ROUNDING: f64 = 1e-9;
+/// How long the parts of a course are at least \[s\], how many there are at most, and of how many obstacles together.
+const PART: f64 = 0.05;
+const MOST_PARTS: f64 = 200.0;
+const MOST_TOGETHER: usize = 1 << 16;
 
 /// From when to when things that move are looked for \[s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +28,8 @@ pub struct Window {
     pub start: f64,
     /// How long, ≥ 0; 0 takes them for standing still. None: only what rests at the beginning is there.
     pub duration: Option<f64>,
+    /// Whether each place counts only when it is passed, not throughout.
+    pub in_time: bool,
 }
 
 /// Obstacles at an instant.
@@ -99,6 +106,71 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
     }
 }
 
+/// The places that things pass, by when they do: parts of a time, and how they stand after it.
+#[derive(Debug, Clone)]
+pub struct Course<S: ObstacleGeometry<D>, const D: usize> {
+    /// How long a part is, and all of them are \[s\].
+    part: f64,
+    pub duration: f64,
+    parts: Vec<Vec<Around<S, D>>>,
+    /// How many places each has, and which parts are taken out.
+    sizes: Vec<usize>,
+    taken: Range<usize>,
+}
+
+impl<S: ObstacleGeometry<D>, const D: usize> Course<S, D> {
+    /// Of obstacles of `world` that move, from `start` on for some time \[s\], in a ball around the arm.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at least 1, and few"
+    )]
+    pub fn new(
+        world: &World<S, D>,
+        moving: &[usize],
+        [start, duration]: [f64; 2],
+        ball: (Vector<D>, f64),
+    ) -> Self {
+        let most = (MOST_TOGETHER / moving.len().max(1)).max(1);
+        let count = ((duration / PART).ceil().clamp(1.0, MOST_PARTS) as u32).min(most as u32);
+        let part = duration / f64::from(count);
+        let at = |k: u32| start + part * f64::from(k);
+        let last = [at(count); 2];
+        let parts = (0..count).map(|k| [at(k), at(k + 1)]).chain([last]);
+        let parts: Vec<_> =
+            parts.map(|times| Around::passing(world, moving, times, ball)).collect();
+        let sizes = parts.iter().map(Vec::len).collect();
+        Self { part, duration, parts, sizes, taken: 0..0 }
+    }
+
+    /// Puts back what was taken out, which stands behind the first of `worlds`, and takes out what is passed between two times after the
+    /// start \[s\]. Whether that is something else.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the parts"
+    )]
+    pub fn take(&mut self, times: Option<[f64; 2]>, worlds: &mut Vec<Around<S, D>>) -> bool {
+        let last = self.parts.len() - 1;
+        let asked = times.map_or(0..0, |times| {
+            let [from, to] = times.map(|t| ((t / self.part).max(0.0) as usize).min(last));
+            from..to + 1
+        });
+        if asked == self.taken {
+            return false;
+        }
+        let mut back = worlds.split_off(1).into_iter();
+        for k in self.taken.clone() {
+            self.parts[k].extend(back.by_ref().take(self.sizes[k]));
+        }
+        for part in &mut self.parts[asked.clone()] {
+            worlds.append(part);
+        }
+        self.taken = asked;
+        true
+    }
+}
+
 /// Obstacles that are looked for at the same instants.
 struct Group {
     /// How many these are.
@@ -146,4 +218,63 @@ impl Group {
 fn slack_of(way: f64) -> f64 {
     let slack = if way > FAR { way * (1.0 + ROUNDING) } else { way };
     if slack <= HORIZON { slack } else { f64::INFINITY } // what is not a number, too
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Body;
+    use crate::math::{Capsule, Noise};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World as PlanarWorld};
+
+    /// What is taken out for some time is nearer than anything comes within that, and all of it is there again and again.
+    #[test]
+    fn a_part_is_what_passes_then() {
+        let circle = |x: f64, velocity: [f64; 2]| Obstacle {
+            position: [x, 1.0],
+            motion: Motion::Linear { velocity },
+            ..Obstacle::of(Shape::Circle { radius: 0.1 })
+        };
+        let mut world = PlanarWorld::new(vec![
+            circle(0.0, [1.0, 0.3]),
+            circle(2.0, [-3.0, 0.0]),
+            circle(-1.0, [0.0, 40.0]),
+        ]);
+        let (start, duration) = (0.4, 1.7);
+        let ball = (Vector::zeros(), 2.0);
+        let mut course = Course::new(&world, &[0, 1, 2], [start, duration], ball);
+        let mut worlds = vec![Around::new(PlanarWorld::new(vec![]), &[], 0.0)];
+        let mut noise = Noise::new(5, 0);
+        let mut clear = 0;
+        for _ in 0..400 {
+            let from = 2.2 * noise.share();
+            let times = [from, from + 0.2 * noise.share()];
+            course.take(Some(times), &mut worlds);
+            assert!(!course.take(Some(times), &mut worlds));
+            let link = Capsule {
+                start: Vector::<2>::new(2.0 * noise.draw(), 2.0 * noise.draw()),
+                direction: Vector::<2>::x(),
+                length: 0.5,
+                radius: 0.05,
+            };
+            let least = |world: &mut PlanarWorld| {
+                let mut least = f64::INFINITY;
+                world.for_each_pair([Body::new(0, link)], |pair| least = least.min(pair.distance));
+                least
+            };
+            let told = worlds[1..].iter_mut().map(|it| least(&mut it.world) - it.slack);
+            let told = told.fold(f64::INFINITY, f64::min);
+            for step in 0..=20 {
+                let t = times[0] + (times[1] - times[0]) * f64::from(step) / 20.0;
+                world.update(start + t.min(duration));
+                assert!(told <= least(&mut world) + 1e-12);
+            }
+            clear += usize::from(told > 0.0);
+        }
+        assert!(clear > 50, "{clear}");
+        course.take(None, &mut worlds);
+        assert_eq!(worlds.len(), 1);
+        assert!(course.parts.iter().zip(&course.sizes).all(|(part, size)| part.len() == *size));
+    }
 }

@@ -6,7 +6,7 @@ pub use certificate::SHORTEST;
 
 use certificate::{Near, Two};
 
-use super::around::{Around, Window};
+use super::around::{Around, Course, Window};
 use super::bundle::Bundle;
 use super::levers::{Jointed, Levers, Twist};
 use super::margins::{APART, Margins};
@@ -39,6 +39,8 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     robot: R,
     /// What stands still; then what moves, at the instants at which it is looked for.
     worlds: Vec<Around<S, D>>,
+    /// What moves where that counts in time: none of it is in the worlds then that was not asked for.
+    course: Option<Course<S, D>>,
     reach: Levers,
     /// How fine motions are looked at, at most \[m\].
     finest: f64,
@@ -48,8 +50,9 @@ pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     pub margins: Margins,
     /// The margin that is asked for \[m\], with which margins of pairs of their own are compared.
     pub asked: f64,
-    /// The largest of those in parts of it, 1 or more.
+    /// The largest of those in parts of it, 1 or more; and whether there are any.
     pub most_share: f64,
+    has_own_margins: bool,
     /// Where the end effector has to point.
     pub pointings: Vec<Pointing>,
     /// From where on it does not matter how far a link is \[m\].
@@ -94,7 +97,11 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let reach = Levers::new(&mut robot);
         let ball @ (_, radius) = reach.ball();
         let still = Around::new(world.only(standing.iter().copied()), &standing, 0.0);
-        let passing = Around::passing(world, &others, [start, start + duration], ball);
+        let (course, passing) = if window.is_some_and(|it| it.in_time) {
+            (Some(Course::new(world, &others, [start, duration], ball)), vec![])
+        } else {
+            (None, Around::passing(world, &others, [start, start + duration], ball))
+        };
         let n = robot.dof();
         let bundles = robot.bundles();
         let own = if keeps_apart { OwnRoom::of_all(&robot, &bundles) } else { vec![] };
@@ -106,6 +113,8 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
         let asked = if most_own > 0.0 { margin.max(LEAST_ASKED) } else { margin };
         Self {
             most_share: if most_own > 0.0 { (most_own / asked).max(1.0) } else { 1.0 },
+            has_own_margins: most_own > 0.0,
+            course,
             asked,
             pointings: vec![],
             finest: FINEST.min(FINEST_SHARE * radius),
@@ -234,7 +243,35 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether some pairs have margins of their own.
     pub fn has_own_margins(&self) -> bool {
-        self.worlds.iter().any(|around| around.world.most_margin() > 0.0)
+        self.has_own_margins
+    }
+
+    /// How long it is known what moves \[s\]; None where that is in the way of the arm all the time, or there is none.
+    pub fn course(&self) -> Option<f64> {
+        self.course.as_ref().map(|course| course.duration)
+    }
+
+    /// Where what moves counts in time: it is in the way where it is between two times after the beginning \[s\], or nowhere.
+    pub fn show(&mut self, times: Option<[f64; 2]>) {
+        if let Some(course) = &mut self.course
+            && course.take(times, &mut self.worlds)
+        {
+            self.blockers.clear();
+        }
+    }
+
+    /// Whether what moves is out of the way of a straight motion between two times \[s\], whatever else is in the way of it.
+    pub fn is_passed_between(&mut self, a: &[f64], b: &[f64], times: [f64; 2]) -> bool {
+        self.show(Some(times));
+        let own = std::mem::take(&mut self.own);
+        let passing = self.worlds.split_off(1);
+        let still = std::mem::replace(&mut self.worlds, passing);
+        let is_passed = self.touches_nothing_between(a, b);
+        let passing = std::mem::replace(&mut self.worlds, still);
+        self.worlds.extend(passing);
+        self.own = own;
+        self.blockers.clear();
+        is_passed
     }
 
     /// What is certain where a motion was found to keep `margin` \[m\].

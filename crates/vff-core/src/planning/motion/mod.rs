@@ -8,6 +8,7 @@ mod bundle;
 mod curve;
 mod free_space;
 mod goals;
+mod in_time;
 mod levers;
 mod margins;
 mod own_room;
@@ -256,9 +257,26 @@ where
     /// # Errors
     /// If limits make it take too long.
     pub fn plan(&self, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
+        let plan = self.plan_by(settings, false)?;
+        let Self { world, .. } = self;
+        let is_lost = matches!(
+            plan.status,
+            PlanStatus::StartBlocked | PlanStatus::GoalBlocked | PlanStatus::NotFound
+        );
+        let passes = settings.horizon.is_some_and(|horizon| horizon > 0.0)
+            && (0..world.len()).any(|j| !world.stands_still(j));
+        if !(is_lost && passes) {
+            return Ok(plan);
+        }
+        let in_time = self.plan_by(settings, true).ok();
+        Ok(in_time.filter(|it| it.status == PlanStatus::Found).unwrap_or(plan))
+    }
+
+    /// The motion that keeps from all places that things pass, or from each when it is passed.
+    fn plan_by(&self, settings: &PlanSettings, in_time: bool) -> Result<Plan, ScenarioError> {
         let Self { arm, world, keeps_apart, command, kept, goal, start } = self;
         let PlanSettings { time, horizon, margin, .. } = *settings;
-        let window = Some(Window { start: time, duration: horizon });
+        let window = Some(Window { start: time, duration: horizon, in_time });
         let mut space = FreeSpace::new(arm.state(), world, window, *keeps_apart, margin);
         let upright = settings.upright.as_ref().unwrap_or(start);
         space.pointings = pointings(space.robot(), upright, settings.tilt, settings.view.as_ref());
@@ -290,7 +308,7 @@ where
     /// Whether the straight motion to `end` touches nothing that rests at present.
     pub fn is_straight(&self, end: &[f64]) -> bool {
         let Self { arm, world, keeps_apart, start, .. } = self;
-        let now = Some(Window { start: world.time(), duration: None });
+        let now = Some(Window { start: world.time(), duration: None, in_time: false });
         let mut space = FreeSpace::new(arm.state(), world, now, *keeps_apart, 0.0);
         space.is_free_between(start, end)
     }

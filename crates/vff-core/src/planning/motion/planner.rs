@@ -74,6 +74,7 @@ where
                 lower <= *q && *q <= upper
             })
         };
+        self.space.show(Some([0.0; 2]));
         let first = self.end(&start);
         self.search_pointings(&[]);
         let nothing = |status, message, gap, margin| Plan {
@@ -90,6 +91,7 @@ where
             shares: vec![],
             tilt: None,
             view: None,
+            begins: None,
             gap,
             samples: 0,
             nodes: 0,
@@ -108,6 +110,7 @@ where
                 return Ok(nothing(PlanStatus::StartBlocked, why, f64::INFINITY, asked));
             }
         };
+        self.space.show(self.space.course().map(|known| [known; 2]));
         let candidates = match goal {
             Aim::At(q) if !inside(q) => {
                 let why = beyond(q, &limits, Place::Goal, |i| self.space.robot().joint_name(i));
@@ -146,6 +149,7 @@ where
             let blocked = nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0);
             return Ok(Plan { clearance, ..blocked });
         }
+        self.space.show(None);
         let mut shortest: Option<Short> = None;
         let mut approaches: Vec<Way> = vec![];
         goals.retain(|goal| match self.way(Place::Approach, &goal.q) {
@@ -240,7 +244,8 @@ where
                 let approach = approach.expect("it leads to one of these");
                 match self.timed_in_turn([&retreat, &found.path, approach], &limits)? {
                     Ok((motion, off)) => {
-                        let plan = self.finished(motion, [all, found.nodes], margins, off);
+                        let Some((motion, timing)) = self.let_pass(motion) else { continue };
+                        let plan = self.finished(motion, timing, [all, found.nodes], margins, off);
                         // What keeps next to nothing may touch within the resolution of its certificate.
                         if plan.clearance > 0.0 {
                             return Ok(plan);
@@ -321,8 +326,13 @@ where
     }
 
     /// What each link is certain to keep between each knot and the next, the smaller of what is said at both \[m\], one row
-    /// for each knot, and which share of margins of their own; none where `spline` is not free.
-    pub(super) fn kept_along(&mut self, spline: &JointSpline) -> Option<[Vec<Vec<f64>>; 2]> {
+    /// for each knot, and which share of margins of their own; none where `spline` is not free. Whether it has to be so `in_time`, where
+    /// what moves counts in time.
+    pub(super) fn kept_along(
+        &mut self,
+        spline: &JointSpline,
+        in_time: bool,
+    ) -> Option<[Vec<Vec<f64>>; 2]> {
         let n = self.start.len();
         let rest = vec![0.0; n];
         let mut states = [[0; 3].map(|_| vec![0.0; n]), [0; 3].map(|_| vec![0.0; n])];
@@ -338,6 +348,7 @@ where
             spline.at(pair[0] + 0.5 * h, middle.each_mut().map(Vec::as_mut_slice));
             let [[a, _, first], [b, _, second]] = &states;
             // A cubic is no farther than this from its chord, here one of half of the time.
+            self.space.show(in_time.then_some([pair[0], pair[1]]));
             let bulge: Vec<f64> = (0..n)
                 .map(|i| first[i].abs().max(second[i].abs()) * (0.5 * h).powi(2) / 8.0)
                 .collect();

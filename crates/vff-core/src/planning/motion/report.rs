@@ -1,5 +1,6 @@
 //! What is said of a motion that was found.
 
+use super::in_time::Timing;
 use super::planner::{Certified, Planner};
 use super::*;
 
@@ -18,6 +19,7 @@ where
     pub(super) fn finished(
         &mut self,
         (spline, [margins, shares]): Certified,
+        timing: Option<Timing>,
         [samples, nodes]: [usize; 2],
         asked: &Margins,
         off_lines: [Option<f64>; 2],
@@ -42,6 +44,7 @@ where
             shares: if self.space.has_own_margins() { shares.concat() } else { vec![] },
             tilt: None,
             view: None,
+            begins: timing.map(|_| self.settings.time),
             gap: 0.0,
             samples,
             nodes,
@@ -82,6 +85,7 @@ where
         if plan.clearance.is_finite() {
             let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
         }
+        plan.message += &timing.map_or_else(String::new, Timing::sentence);
         for (pointing, (most, _, from)) in self.space.pointings.iter().zip(off) {
             let (told, what) = if pointing.is_view() {
                 (&mut plan.view, "has the point off its axis")
@@ -132,6 +136,7 @@ where
             if kept > clearance && !others {
                 break;
             }
+            self.space.show(Some([0, 1].map(|next| spline.times()[k + next])));
             for t in instants(spline, k) {
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
                 clearance = clearance.min(self.space.clearance_within(&state[0], clearance));

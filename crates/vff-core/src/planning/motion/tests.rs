@@ -489,7 +489,7 @@ fn among_boxes(shapes: &str) -> Scenario {
 #[cfg(feature = "models")]
 fn certified_of(arm: &Arc<SpatialArm>, scenario: &Scenario, motions: u32) {
     let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
-    let window = Window { start: 0.0, duration: Some(0.0) };
+    let window = Window { start: 0.0, duration: Some(0.0), in_time: false };
     let margin = 0.01;
     let world = World::new(scene.obstacles.clone());
     let mut space =

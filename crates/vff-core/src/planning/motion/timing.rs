@@ -204,7 +204,7 @@ where
                             *q = q.max(lower + inset).min(upper - inset);
                         }
                     }
-                } else if let Some(kept) = self.kept_along(&spline) {
+                } else if let Some(kept) = self.kept_along(&spline, false) {
                     return Ok(Ok((spline, kept)));
                 } else {
                     break;
