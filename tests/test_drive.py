@@ -731,12 +731,60 @@ def test_a_reading_of_another_turn_is_the_same_place() -> None:
         robot = Elsewhere()
         with vff.drive(robot, given, seconds=plan.duration + 1.0) as drive:
             report = finished(drive)
-        assert (report.status, report.reason) == ("completed", "")
+        assert (report.status, report.reason, report.notes) == ("completed", "", ())
         assert abs(robot.q - end).max() < 0.01
+        if drive.state.q_plan is not None:
+            assert abs(drive.state.q_plan - drive.state.q).max() < 0.01
     c = vff.Controller(gen3, {**law, "posture": list(ready)})
     x = gen3.pose(ready)[0]
     sides = [c.torque([*ready[:2], side, *ready[3:]], [0.0] * 7, x) for side in (np.pi, -np.pi)]
     np.testing.assert_allclose(*sides, atol=1e-9)
+
+
+def test_the_search_of_the_self_motion_knows_no_turns() -> None:
+    """A ball comes at the elbow; read a turn on, another way cost less, into it."""
+    ready = [0.2, 0.4, 0.1, 1.5, 0.0, 1.0, 0.3]
+    law = {
+        "task": "pose",
+        "stiffness": 200.0,
+        "damping": 30.0,
+        "null_damping": 8.0,
+        "avoidance": "cbf",
+        "posture": ready,
+        "posture_stiffness": 10.0,
+        "deadline": "unlimited",
+        "yielding": {"preview": {"self_motion": {}}},
+    }
+    ball = vff.Obstacle.sphere([0.2, 0.6, 0.5], 0.08, vff.Motion.linear([0.0, -0.25, 0.0]))
+    runs = [
+        vff.simulate(
+            vff.Scenario(
+                arm=vff.Arm.named("gen3"),
+                q0=[*ready[:6], ready[6] + turn],
+                duration=2.0,
+                controller=law,
+                reference={"kind": "setpoint"},
+                obstacles=[ball],
+            )
+        )
+        for turn in (0.0, 2 * np.pi)
+    ]
+    assert abs(runs[0].q - ready).max() > 0.5
+    np.testing.assert_allclose(runs[1].q - 2 * np.pi * np.eye(7)[6], runs[0].q, atol=1e-6)
+
+
+def test_a_target_takes_the_place_of_a_plan() -> None:
+    """Then no plan has the joints anywhere."""
+    alone = SCENE.replace(obstacles=[])
+    scene = alone.replace(reference=vff.plan(alone, list(np.array(SCENE["q0"]) + 0.2)).reference)
+    seen = []
+    with vff.drive(SimulatedRobot(scene), scene, seconds=1.5) as drive:
+        wait_for(lambda: drive.state.t > 0.2)
+        seen.append(drive.state.q_plan)
+        drive.set_target(drive.state.x)
+        wait_for(lambda: drive.state.t > 0.6)
+        seen.append(drive.state.q_plan)
+    assert seen[0] is not None and seen[1] is None
 
 
 def test_set_points_begin_at_rest() -> None:

@@ -144,6 +144,65 @@ def test_the_tip_is_no_faster_than_it_may_be(task: str, avoidance: str, step: li
     assert np.linalg.norm(tips[-1] - (place + np.array(step))) < 2e-2
 
 
+@pytest.mark.parametrize("avoidance", ["null_space", "priority", "cbf"])
+def test_the_law_knows_how_fast_the_joints_may_be(avoidance: str) -> None:
+    """As if it were the arm's own: clipped joint by joint, the hand turned at 1.5 to 2 times its limit."""
+    law = {"task": "pose", "stiffness": 400.0, "damping": 40.0, "null_damping": 10.0}
+    law |= {"avoidance": avoidance, "command": {"tip_angular_speed": 0.5}}
+    ready = {"duration": 1.0, "q0": list(READY), "reference": {"kind": "setpoint"}}
+    slow = vff.Scenario.from_dict({**ready, "arm": {"model": "panda", "velocity_limits": [1.0] * 7}}).arm
+    place, turn = slow.pose(READY)
+    ways = []
+    for arm, more in ((vff.Arm.named("panda"), {"speed": 1.0}), (slow, {})):
+        virtual = vff.VirtualArm(
+            vff.Controller(arm, law), READY, PERIOD, acceleration=30.0, jerk=1000.0, **more
+        )
+        target = (place + np.array([0.25, 0.25, -0.2]), turn)
+        steps = [virtual.step(PERIOD * k, target) for k in range(2000)]
+        turning = [np.linalg.norm((arm.jacobian(q) @ dq)[3:]) for q, dq, *_ in steps]
+        assert max(turning) < 1.01 * 0.5
+        ways.append(np.array([q for q, *_ in steps]))
+    np.testing.assert_allclose(*ways, atol=1e-9)
+
+
+def test_a_stop_ends_a_motion_of_the_null_space_as_one() -> None:
+    """All joints alike: the hand goes on no faster than it may, but for how the arm has moved meanwhile."""
+    arm = vff.Arm.named("panda")
+    law = {
+        "task": "pose",
+        "stiffness": 400.0,
+        "damping": 40.0,
+        "null_damping": 10.0,
+        "posture": list(READY + np.array([1.5, 0.0, -1.5, 0.0, 0.0, 0.0, 0.0])),
+        "posture_stiffness": 60.0,
+        "command": {"tip_speed": 0.05},
+    }
+    virtual = vff.VirtualArm(vff.Controller(arm, law), READY, PERIOD, acceleration=10.0, jerk=1000.0)
+    target = arm.pose(READY)
+    swings = max(abs(virtual.step(PERIOD * k, target)[1]).max() for k in range(300))
+    virtual.stop()
+    tips = []
+    while virtual.course != "finished":
+        q, dq, *_ = virtual.step(0.3, target)
+        tips.append(np.linalg.norm((arm.jacobian(q) @ dq)[:3]))
+    assert swings > 0.8 and max(tips) < 1.1 * 0.05 and len(tips) < 1000
+
+
+@pytest.mark.parametrize("beyond", [0.02, 0.15])
+def test_a_joint_beyond_its_stop_comes_back_slowly(beyond: float) -> None:
+    """At the largest acceleration, the tip went at 8 times its limit."""
+    arm = vff.Arm.named("panda")
+    start = READY.copy()
+    start[3] = arm.joint_limits[3][1] + beyond
+    law = {"stiffness": 100.0, "damping": 20.0, "null_damping": 8.0, "command": {"tip_speed": 0.05}}
+    virtual = vff.VirtualArm(vff.Controller(arm, law), start, PERIOD, acceleration=10.0, jerk=1000.0)
+    target, tips = arm.forward_kinematics(start)[-1], []
+    for k in range(6000):
+        q, dq, *_ = virtual.step(PERIOD * k, target)
+        tips.append(np.linalg.norm((arm.jacobian(q) @ dq)[:3]))
+    assert max(tips) < 1.1 * 0.05 and q[3] <= arm.joint_limits[3][1] + 1e-9
+
+
 def test_a_robot_that_is_held() -> None:
     """It parts from its set point, which comes back to it within the limits; let go, it goes on."""
     arm, target, points = virtual(), away(), []

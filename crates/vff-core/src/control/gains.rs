@@ -153,6 +153,18 @@ impl<const M: usize> Gains<M> {
         Self { characteristic_length, endless: arm.endless(), ..self }
     }
 
+    /// The largest speeds of the joints \[rad/s, m/s\]: of what moves them, or else of the arm; none if that has none.
+    pub fn speed_limits<'a, R: Robot<D>, const D: usize>(&'a self, robot: &'a R) -> &'a [f64] {
+        let of_arm = &robot.limits().velocity;
+        self.moved.as_ref().map_or(of_arm, |moved| &moved.speed)
+    }
+
+    /// The same, of an arm that has none those that it is thought to have when it gives way.
+    pub fn joint_speeds<R: Robot<D>, const D: usize>(&self, robot: &R) -> Vec<f64> {
+        let limits = self.speed_limits(robot);
+        if limits.is_empty() { vec![self.yielding.speed; robot.dof()] } else { limits.to_vec() }
+    }
+
     /// The same for joints that are moved within these limits, if any, whatever the torque.
     #[must_use]
     pub fn moved_within(self, moved: Option<MotionLimits>) -> Self {
@@ -190,9 +202,14 @@ impl<const M: usize> Gains<M> {
         self.posture.extend(posture_of(&self.settings));
     }
 
+    /// Whether a joint turns without an end.
+    pub fn is_endless(&self, joint: usize) -> bool {
+        self.endless.get(joint) == Some(&true)
+    }
+
     /// From one angle or place of a joint to another \[rad or m\]: the short way round where that turns without an end.
     pub fn way(&self, joint: usize, from: f64, to: f64) -> f64 {
-        short_way(to - from, self.endless.get(joint) == Some(&true))
+        short_way(to - from, self.is_endless(joint))
     }
 
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.

@@ -159,10 +159,11 @@ pub fn speed_share<R: Robot<D>, const D: usize, const M: usize>(
     robot: &R,
     space: &OperationalSpace<M>,
     dx_d: &SVector<f64, M>,
+    limits: &[f64],
 ) -> f64 {
     const LEAST: f64 = 0.1;
     let (wanted, present) = (space.lambda * dx_d, space.lambda * space.dx);
-    let joints = space.y.iter().zip(robot.velocity()).zip(&robot.limits().velocity);
+    let joints = space.y.iter().zip(robot.velocity()).zip(limits);
     joints.fold(1.0, |share: f64, ((y, dq), limit)| {
         let along_task = y.dot(&wanted);
         let in_null = (dq - y.dot(&present)) * along_task.signum();

@@ -51,6 +51,8 @@ pub struct LimitedJoint {
     stop: Stop,
 }
 
+/// At what share of its largest speed a joint comes back that is beyond its position limits, and how soon it is that fast \[1/s\].
+const RETURN: [f64; 2] = [0.025, 10.0];
 /// How often the interval between what is possible and what is wanted is halved.
 const HALVINGS: usize = 16;
 /// Rounding of a bound, relative to it.
@@ -144,11 +146,12 @@ impl LimitedJoint {
     /// Goes on for `h` \[s\] with constant jerk, to an acceleration as near to `wanted` as all bounds allow, those of the future as
     /// well: from there on it can stop within them. One that is beyond its position limits comes back.
     pub fn advance(&mut self, wanted: f64, h: f64) {
-        let JointBounds { position: [lower, upper], acceleration, jerk, .. } = self.bounds;
-        let JointMotion { q, ddq, .. } = self.motion;
+        let JointBounds { position: [lower, upper], speed, acceleration, jerk } = self.bounds;
+        let JointMotion { q, dq, ddq } = self.motion;
         let room = ROUNDING * (1.0 + q.abs());
-        let wanted = if q > upper + room { -acceleration } else { wanted };
-        let wanted = if q < lower - room { acceleration } else { wanted };
+        let back = |side: f64| RETURN[1] * (side * RETURN[0] * speed - dq);
+        let wanted = if q > upper + room { wanted.min(back(-1.0)) } else { wanted };
+        let wanted = if q < lower - room { wanted.max(back(1.0)) } else { wanted };
         let least = (ddq - jerk * h).max(-acceleration);
         let most = (ddq + jerk * h).min(acceleration);
         let wanted = wanted.max(least).min(most);

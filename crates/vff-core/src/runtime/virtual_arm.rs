@@ -344,25 +344,48 @@ impl VirtualArm {
         let rate = MotionLimits::RATE;
         let reacts = controller.settings().fastest_rate();
         self.able.fit(&mut self.wanted, controller.planned_acceleration(), &self.out[1], reacts);
-        for (i, joint) in self.joints.iter_mut().enumerate() {
+        for (i, joint) in self.joints.iter().enumerate() {
             let JointMotion { q: at, dq: moves, .. } = joint.motion();
-            let wanted = match (self.course, measured) {
-                (Course::Following, _) => self.wanted[i],
+            match (self.course, measured) {
+                (Course::Following, _) => {}
                 (Course::Rejoining, measured) => {
                     let goes = measured.map_or(0.0, |[_, dq]| dq[i]); // it stays, as far as is known
                     let ddq = -rate * rate * (at - self.heard_at[i]) - 2.0 * rate * (moves - goes);
-                    ddq * MotionLimits::behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk)
+                    let share = MotionLimits::behind_jerk(ddq, 2.0 * rate, joint.bounds().jerk);
+                    self.wanted[i] = share * ddq;
                 }
-                _ => {
-                    -rate
-                        * moves
-                        * MotionLimits::behind_jerk(rate * moves, rate, joint.bounds().jerk)
-                }
-            };
-            joint.advance(wanted, self.period);
+                _ => self.wanted[i] = -rate * moves,
+            }
+        }
+        if matches!(self.course, Course::Waiting | Course::Stopping | Course::Finished) {
+            self.brake_alike();
+        }
+        for (joint, wanted) in self.joints.iter_mut().zip(&self.wanted) {
+            joint.advance(*wanted, self.period);
         }
         self.hand_out();
         Ok(self.course)
+    }
+
+    /// Makes of how all joints would be braked what they can do, and of what changes in this cycle what they can change, all of it alike:
+    /// joint by joint, a motion that does not move the end effector would do so as it ends.
+    fn brake_alike(&mut self) {
+        let Self { joints, wanted, period, .. } = self;
+        let mut share = 1.0_f64;
+        for (joint, wanted) in joints.iter().zip(&*wanted) {
+            let JointBounds { acceleration, jerk, .. } = joint.bounds();
+            let soon = MotionLimits::behind_jerk(*wanted, MotionLimits::RATE, *jerk);
+            share = share.min(soon).min(acceleration / wanted.abs());
+        }
+        wanted.iter_mut().for_each(|wanted| *wanted *= share);
+        let change = joints.iter().zip(&*wanted).map(|(joint, wanted)| {
+            joint.bounds().jerk * *period / (wanted - joint.motion().ddq).abs()
+        });
+        let share = change.fold(1.0, f64::min);
+        for (joint, wanted) in joints.iter().zip(wanted) {
+            let ddq = joint.motion().ddq;
+            *wanted = ddq + share * (*wanted - ddq);
+        }
     }
 
     /// Whether the robot can be at `q`: what is farther than the threshold from its set point, from where it was, and from what it said

@@ -26,7 +26,7 @@ pub use kept::KeptMargins;
 pub use plane::Reference;
 pub use space::SpatialReference;
 
-use crate::math::{Pose, Vector};
+use crate::math::{Pose, Vector, smoothstep};
 use std::fmt::Debug;
 use taking_over::Remainder;
 
@@ -67,15 +67,10 @@ impl<P: Pose<M>, const M: usize> Sample<P, M> {
     #[must_use]
     pub fn coasting(&self, since: f64, patience: f64) -> Self {
         // Path time σ with its derivatives.
-        let late = (since - patience).clamp(0.0, patience);
-        let (sigma, slope, bend) = match (since <= patience, late < patience) {
-            (true, _) => (since.max(0.0), 1.0, 0.0),
-            (false, true) => {
-                let slope = 1.0 - late / patience;
-                (patience + late - 0.5 * late * late / patience, slope, -1.0 / patience)
-            }
-            (false, false) => (1.5 * patience, 0.0, 0.0),
-        };
+        let u = ((since - patience) / patience).clamp(0.0, 1.0);
+        let late = patience * u * (1.0 - u * u * (1.0 - 0.5 * u));
+        let sigma = since.clamp(0.0, patience) + late;
+        let [slope, bend] = [1.0 - smoothstep(u), -6.0 * u * (1.0 - u) / patience];
         let rate = self.dx + self.ddx * sigma;
         Self {
             x: self.x.moved(&(self.dx * sigma + self.ddx * (0.5 * sigma * sigma))),

@@ -249,8 +249,8 @@ impl Barrier {
     }
 
     /// Leaves the speeds of an arm without velocity limits alone.
-    pub fn without_speeds<R: Robot<D>, const D: usize>(mut self, robot: &R) -> Self {
-        self.joints.leave_speeds(robot);
+    pub fn without_speeds(mut self) -> Self {
+        self.joints.leave_speeds();
         self
     }
 
@@ -270,8 +270,8 @@ impl Barrier {
     }
 
     /// Of the joints keeps what would be too fast or come to a stop.
-    pub fn guarding<R: Robot<D>, const D: usize>(mut self, robot: &R) -> Self {
-        self.joints.guard(robot);
+    pub fn guarding(mut self) -> Self {
+        self.joints.guard();
         self
     }
 

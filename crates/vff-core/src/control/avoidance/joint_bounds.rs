@@ -82,6 +82,8 @@ pub struct JointBounds {
     /// Largest speed of every joint \[rad/s\].
     speed: Vec<f64>,
     joints: Joints,
+    /// Whether they have limits of speed.
+    has_speeds: bool,
     /// How far a joint keeps from its stops \[rad, m\], and the share of its largest speed that it keeps.
     angle: f64,
     share: f64,
@@ -102,7 +104,8 @@ impl JointBounds {
     ) -> Self {
         Self {
             rate: super::barrier::rate(&gains.yielding),
-            speed: gains.yielding.joint_speeds(robot),
+            speed: gains.joint_speeds(robot),
+            has_speeds: !gains.speed_limits(robot).is_empty(),
             joints: Joints::All,
             angle,
             share,
@@ -118,16 +121,16 @@ impl JointBounds {
     }
 
     /// Leaves the speeds of an arm without velocity limits alone.
-    pub fn leave_speeds<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
-        if robot.limits().velocity.is_empty() {
+    pub fn leave_speeds(&mut self) {
+        if !self.has_speeds {
             self.joints = Joints::Angles;
         }
     }
 
     /// Leaves alone what is neither too fast nor about to come to a stop.
-    pub fn guard<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+    pub fn guard(&mut self) {
         self.joints = Joints::Guarded;
-        if robot.limits().velocity.is_empty() {
+        if !self.has_speeds {
             self.speed.fill(f64::INFINITY);
         }
     }

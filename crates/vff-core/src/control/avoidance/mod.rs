@@ -137,9 +137,9 @@ impl<const M: usize> Limiter<M> {
         Self {
             weight: TaskWeight::new::<D>(&gains.yielding, &gains.metric::<D>()),
             barrier: if is_judged {
-                barrier.without_speeds(robot)
+                barrier.without_speeds()
             } else {
-                barrier.guarding(robot).deferring()
+                barrier.guarding().deferring()
             },
             is_judged,
             is_fitted,

@@ -379,13 +379,13 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         let pace = self.reaction.as_ref().map_or(1.0, |reaction| reaction.pace());
         let [dx_r, ddx_r] =
             robot.resolve(&reference.x, &(reference.dx * pace), &(reference.ddx * pace));
-        let speed = &robot.limits().velocity;
+        let speed = gains.speed_limits(robot);
         self.law.brake = 0.0;
         if gains.enforce_limits && !keeps_speeds && !speed.is_empty() {
             // The task velocity that K and D ask for: ẍ_c = ẍ_r − D (ẋ − ẋ_d).
             let pull = gains.stiffness.component_mul(&error).component_div(&gains.damping);
             let dx_d = dx_r - pull;
-            let share = limits::speed_share(robot, space, &dx_d);
+            let share = limits::speed_share(robot, space, &dx_d, speed);
             let brake = limits::brake(robot.velocity(), speed);
             self.law.brake = brake;
             if share < 1.0 || brake > 0.0 {

@@ -1,7 +1,6 @@
 //! What can be set on how the end effector gives way.
 
 use super::PreviewSettings;
-use crate::robot::Robot;
 use crate::settings::settings;
 use serde::{Deserialize, Serialize};
 
@@ -59,16 +58,5 @@ impl Part {
             Self::Approach => "approach",
             Self::Position => "position",
         }
-    }
-}
-
-impl Yielding {
-    /// Largest speed of every joint \[rad/s\]: that of the arm, or else `speed`.
-    pub(in crate::control) fn joint_speeds<R: Robot<D>, const D: usize>(
-        &self,
-        robot: &R,
-    ) -> Vec<f64> {
-        let limits = &robot.limits().velocity;
-        if limits.is_empty() { vec![self.speed; robot.dof()] } else { limits.clone() }
     }
 }

@@ -1,6 +1,7 @@
 //! How a drive ends, and what of it is to be told.
 
 use super::Inner;
+use crate::math::short_way;
 
 /// What is farther off at the end is to be told: a joint off its plan \[rad, m\], the end effector off its reference \[m\].
 const OFF_PLAN: f64 = 0.1;
@@ -157,7 +158,8 @@ impl Inner {
         let squares = is[..place].iter().zip(&wanted[..place]).map(|(a, b)| (a - b).powi(2));
         let end_effector = squares.sum::<f64>().sqrt();
         let joints = controller.planned().into_iter().flat_map(|plan| plan.iter().zip(&self.q));
-        let ways = joints.map(|(plan, q)| (plan - q).abs()).enumerate();
+        let ways = joints.zip(controller.endless());
+        let ways = ways.map(|((plan, q), endless)| short_way(plan - q, endless).abs()).enumerate();
         let joint = ways.fold((0, 0.0), |most, way| if way.1 > most.1 { way } else { most });
         Some(Off { joint, end_effector })
     }

@@ -31,6 +31,7 @@ use super::fault::guarded;
 use super::virtual_arm::{Course, VirtualArm};
 use crate::control::LeftOut;
 use crate::control::output::{Clock, Phase};
+use crate::math::whole_turns;
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use doubts::Doubts;
@@ -114,6 +115,8 @@ struct Inner {
     exchange: Arc<Exchange>,
     options: Options,
     paces: bool,
+    /// Which joints turn without an end.
+    endless: Vec<bool>,
     q: Vec<f64>,
     dq: Vec<f64>,
     /// What the robot measures of the torque from outside. Whether that is asked for in every period, or at the beginning alone.
@@ -175,7 +178,8 @@ impl<D: Driver> Loop<D> {
             }
         };
         // Set points go on from a model: what is measured damps nothing.
-        let judged = if model.is_none() { controller.endless() } else { vec![] };
+        let endless = controller.endless();
+        let judged = if model.is_none() { endless.clone() } else { vec![] };
         let names = ["q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "command"];
         let mut columns = vec![("t", 1)];
         columns.extend(names.map(|name| (name, n)));
@@ -194,6 +198,7 @@ impl<D: Driver> Loop<D> {
         let inner = Inner {
             model,
             paces: driver.paces(),
+            endless,
             q: vec![0.0; n],
             dq: vec![0.0; n],
             external: vec![0.0; n],
@@ -485,7 +490,7 @@ impl Inner {
     /// Shows the period, and keeps it for a file.
     fn keep_row(&mut self, time: f64) {
         let Self { row, controller, model, exchange, given, now, kept, .. } = self;
-        let Self { options, until_row, q, dq, nothing, closest, .. } = self;
+        let Self { options, until_row, endless, q, dq, nothing, closest, .. } = self;
         let terms = controller.terms_view();
         closest.look(time, terms.clearance);
         let command = match model {
@@ -521,8 +526,14 @@ impl Inner {
             None => put(nothing),
         }
         put(controller.path_time().as_slice());
-        match controller.planned() {
-            Some(q) => put(q),
+        // What somebody gives takes the place of a plan.
+        match controller.planned().filter(|_| given.is_none()) {
+            Some(planned) => {
+                let each = planned.iter().zip(q).zip(endless);
+                for (place, ((planned, q), endless)) in rest.iter_mut().zip(each) {
+                    *place = planned - if *endless { whole_turns(planned - *q) } else { 0.0 };
+                }
+            }
             None => rest.fill(f64::NAN),
         }
         exchange.show(row);

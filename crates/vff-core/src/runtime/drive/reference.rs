@@ -72,8 +72,8 @@ fn pose(x: &[f64]) -> SpatialPose {
 mod tests {
     use super::*;
 
-    /// Between two references it goes on as the last one said, its rates are those of its pose, and it comes to rest
-    /// without a jump of its velocity; in the plane as in space.
+    /// Between two references it goes on as the last one said, its rates are those of its pose, and it comes to rest without a jump of
+    /// its velocity or acceleration; in the plane as in space.
     #[test]
     fn it_goes_on_and_comes_to_rest() {
         let patience = 0.1;
@@ -106,6 +106,11 @@ mod tests {
                     let bend = (after.dx[i] - before.dx[i]) / (2.0 * h);
                     assert!((bend - now.ddx[i]).abs() < 1e-6, "{since} {i}");
                 }
+            }
+            for since in [patience, 2.0 * patience] {
+                let [before, after] = [since - 1e-7, since + 1e-7].map(at);
+                let jumps = before.ddx.iter().zip(&after.ddx).map(|(a, b)| (a - b).abs());
+                assert!(jumps.fold(0.0, f64::max) < 1e-3, "{since}");
             }
             let rest = at(3.0 * patience);
             assert!(rest.dx.iter().chain(&rest.ddx).all(|rate| *rate == 0.0));

@@ -105,7 +105,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// For the law with these gains on `robot`.
     pub fn new(robot: &R, gains: &Gains<M>, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
-        let rollout = Rollout::new(robot, &gains.yielding, settings, gains.metric::<D>());
+        let rollout = Rollout::new(
+            robot,
+            (&gains.yielding, gains.joint_speeds(robot)),
+            settings,
+            gains.metric::<D>(),
+        );
         // Where the self-motion is searched, that prepares for what may come, and nothing is let go for it.
         let chance = settings.self_motion.as_ref().map_or(settings.chance, |_| f64::MAX);
         Self {

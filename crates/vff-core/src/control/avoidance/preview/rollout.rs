@@ -89,7 +89,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
     /// For `robot`, with task errors measured by `metric`.
     pub fn new(
         robot: &R,
-        yielding: &Yielding,
+        (yielding, speed): (&Yielding, Vec<f64>),
         settings: &PreviewSettings,
         metric: TaskMetric<M>,
     ) -> Self {
@@ -107,7 +107,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             row: zeros(),
             columns: vec![SVector::zeros(); n],
             inverse_inertia: zeros(),
-            speed: yielding.joint_speeds(robot),
+            speed,
             obstacles: vec![],
             pairs: vec![],
             bodies: robot.bodies().map(|body| body.enclosing()).collect(),
@@ -376,7 +376,9 @@ mod tests {
     use std::sync::Arc;
 
     fn rollout(robot: &PlanarState, settings: &PreviewSettings) -> Rollout<PlanarState, 2, 2> {
-        Rollout::new(robot, &Yielding::default(), settings, TaskMetric::new::<2>(1.0))
+        let yielding = Yielding::default();
+        let speed = vec![yielding.speed; robot.dof()];
+        Rollout::new(robot, (&yielding, speed), settings, TaskMetric::new::<2>(1.0))
     }
 
     /// A free candidate from rest: q̇ follows u as 1 − e^(−kt), so that q − q₀ is u(t − (1 − e^(−kt))/k), up to
@@ -489,8 +491,12 @@ mod tests {
         ]);
         let settings = PreviewSettings::default();
         let metric = TaskMetric::new::<3>(0.3);
-        let mut rollout =
-            Rollout::<SpatialState, 3, 6>::new(&robot, &Yielding::default(), &settings, metric);
+        let mut rollout = Rollout::<SpatialState, 3, 6>::new(
+            &robot,
+            (&Yielding::default(), vec![Yielding::default().speed; robot.dof()]),
+            &settings,
+            metric,
+        );
         let reference = Sample::at_rest(Manipulator::<3, 6>::pose(&robot));
         rollout.prepare(&settings, &robot, &mut world, &|_| reference);
         let mut noise = Noise::new(3, 4);

@@ -104,7 +104,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         (self.sets_points, self.are_points_over) = (limits.is_some(), false);
         self.placed.fill(None); // on a clock that may be another one
         // A plan that is followed was made within them, and what stands around is counted in it.
-        let moved = limits.cloned();
+        let mut moved = limits.cloned();
+        if let Some(moved) = &mut moved {
+            // What moves the joints may be able to more than the arm is to do.
+            let both = moved.speed.iter_mut().zip(&self.arm.limits().velocity);
+            both.for_each(|(speed, of_arm)| *speed = speed.min(*of_arm));
+        }
         self.reset_with(self.controller.gains().clone().moved_within(moved));
         if let Some(followed) = &mut self.followed {
             followed.limit(limits);

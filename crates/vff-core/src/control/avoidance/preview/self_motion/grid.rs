@@ -92,7 +92,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
     #[expect(clippy::cast_precision_loss, reason = "few places and instants")]
     pub fn new(
         robot: &R,
-        yielding: &Yielding,
+        (yielding, speeds): (&Yielding, &[f64]),
         settings: &SelfMotionSettings,
         metric: TaskMetric<M>,
     ) -> Self {
@@ -100,7 +100,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         let half = half(settings);
         let (places, instants) = (2 * half + 1, settings.steps + 1);
         let knots = settings.steps.div_ceil(EVERY) + 1;
-        let speed = yielding.joint_speeds(robot).iter().map(|v| settings.speed * v).collect();
+        let speed = speeds.iter().map(|v| settings.speed * v).collect();
         Self {
             scout: robot.clone(),
             projection: TaskProjection::new(n, metric),
@@ -441,7 +441,12 @@ mod tests {
     }
 
     fn grid(robot: &SpatialState, settings: &SelfMotionSettings) -> Grid<SpatialState, 3, 6> {
-        Grid::new(robot, &Yielding::default(), settings, TaskMetric::new::<3>(0.2))
+        Grid::new(
+            robot,
+            (&Yielding::default(), &robot.limits().velocity),
+            settings,
+            TaskMetric::new::<3>(0.2),
+        )
     }
 
     /// All postures, with how many there are backward and forward.

@@ -13,6 +13,7 @@ use super::map::SelfMotionMap;
 use crate::control::deadline::Budget;
 use crate::control::{Gains, SelfMotionSettings};
 use crate::interrupt;
+use crate::math::short_way;
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 
@@ -62,6 +63,8 @@ pub struct SelfMotion<R: Manipulator<D, M>, const D: usize, const M: usize> {
     soon: usize,
     /// The posture that is wanted \[rad\], and the cost of each place because of it.
     wanted: Vec<f64>,
+    /// Which joints turn without an end.
+    endless: Vec<bool>,
     away: Vec<f64>,
     places: Vec<usize>,
     /// What is followed, and whether anything is.
@@ -117,8 +120,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     )]
     pub fn new(robot: &R, gains: &Gains<M>, settings: &SelfMotionSettings, trigger: f64) -> Self {
         let n = robot.dof();
-        let grid = Grid::new(robot, &gains.yielding, settings, gains.metric::<D>());
-        let speeds = gains.yielding.joint_speeds(robot);
+        let speeds = gains.joint_speeds(robot);
+        let grid = Grid::new(robot, (&gains.yielding, &speeds), settings, gains.metric::<D>());
         let fastest = speeds.iter().map(|v| v * v).sum::<f64>().sqrt() * settings.speed;
         let largest = (fastest * grid.step() / grid.spacing()) as usize;
         let change = settings.acceleration * grid.step().powi(2) / grid.spacing();
@@ -143,6 +146,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             },
             soon: ((trigger / grid.step()).ceil() as usize).min(settings.steps),
             wanted: vec![],
+            endless: (0..n).map(|i| gains.is_endless(i)).collect(),
             away: vec![0.0; places],
             places: vec![0; settings.steps + 1],
             path: Path {
@@ -273,9 +277,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     }
 
     fn measure(&mut self, place: usize, first: usize, surroundings: &dyn Prediction<D>) {
-        let Self { grid, wanted, away, elapsed, cost, .. } = self;
+        let Self { grid, wanted, endless, away, elapsed, cost, .. } = self;
         grid.measure(place, first, &Around { surroundings, ago: *elapsed, cost: *cost });
-        let far = |(i, q): (usize, &f64)| (grid.joint(place, 0, i) - q).powi(2);
+        let way = |i: usize, q: f64| short_way(grid.joint(place, 0, i) - q, endless[i]);
+        let far = |(i, q): (usize, &f64)| way(i, *q).powi(2);
         away[place] = AWAY * wanted.iter().enumerate().map(far).sum::<f64>();
     }
 
