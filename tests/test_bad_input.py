@@ -866,3 +866,10 @@ def test_xml_has_no_place_for_control_characters() -> None:
     for write in (arm.to_urdf, arm.to_mjcf, partial(vff.Arm.uniform(2).to_urdf, "a\x01b")):
         with pytest.raises(InputError, match=r"name 'a\\x01b': XML has no place for control characters"):
             write()
+
+
+@pytest.mark.parametrize("given", [b"abc", bytearray(b"abc")])
+def test_bytes_are_no_numbers(given: bytes) -> None:
+    """Links of 97 to 99 m, they were taken for."""
+    with pytest.raises(InputTypeError, match=r"arm\.lengths: a byte\w+ cannot be written into a scenario"):
+        vff.Scenario.from_dict(valid()).replace(**{"arm.lengths": given})

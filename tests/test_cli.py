@@ -508,3 +508,15 @@ def test_what_is_read_is_not_written_over(tmp_path: Path, short: vff.Result) -> 
         told = vffnull(*arguments, cwd=tmp_path, code=2).stderr
         assert "is read, and would be written over; name another file" in told
     assert (saved.read_bytes(), scene.read_bytes()) == before
+
+
+def test_figures_that_cannot_be_written_cost_no_runs(tmp_path: Path) -> None:
+    """A file where a folder is meant, and a folder where a file is: refused before anything is computed."""
+    (tmp_path / "taken").touch()
+    (tmp_path / "folder.npz").mkdir()
+    for words in (
+        ["evaluate", "--plot", tmp_path / "taken"],
+        ["run", "paper-1", "--save", tmp_path / "folder.npz"],
+    ):
+        done = vffnull(*words, code=2)
+        assert not done.stdout and "directory" in done.stderr, done

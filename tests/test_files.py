@@ -452,6 +452,15 @@ def test_a_run_that_is_terminated(words: list[str], tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")
+def test_a_terminal_that_is_closed_loses_nothing(tmp_path: Path) -> None:
+    """The run ends as by Ctrl-C, and what there is of it is kept."""
+    words = ["run", "paper-1", "--save", "run.npz", *LONG]
+    code, told = terminated(tmp_path, *words, when=lambda pid: processor_time(pid) > 2.0, by=signal.SIGHUP)
+    assert code == 129 and "Traceback" not in told, told
+    assert vff.Result.load(tmp_path / "run.npz").status == "interrupted"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")
 @pytest.mark.parametrize(("by", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize(
     "words",

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import socket
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +28,13 @@ def page(tmp_path: Path) -> Iterator[Any]:
 @contextmanager
 def visitor(page: Any, **said: Any) -> Iterator[Any]:
     """Somebody whose browser has said this of its camera; the page's view of them."""
+    with connected(page, **said) as (_, client):
+        yield client
+
+
+@contextmanager
+def connected(page: Any, **said: Any) -> Iterator[Any]:
+    """The same, with the connection."""
     import msgspec
     import viser
     from websockets.sync.client import connect
@@ -36,7 +46,7 @@ def visitor(page: Any, **said: Any) -> Iterator[Any]:
         connection.send(msgspec.msgpack.encode(camera(**said)))
         wait_for(lambda: set(page._server.get_clients()) - before)
         (new,) = set(page._server.get_clients()) - before
-        yield page._server.get_clients()[new]
+        yield connection, page._server.get_clients()[new]
 
 
 def camera(**said: Any) -> dict[str, Any]:
@@ -101,3 +111,63 @@ def test_one_whose_picture_is_none_is_left_alone(page: Any, fault: str) -> None:
         page.look("Corner")
         frames(page, 3)
         assert page._painter.is_alive()
+
+
+def test_what_a_browser_chooses_has_to_be_there(page: Any, tmp_path: Path) -> None:
+    """A visitor could open any scenario of the machine that runs the page, and leave it without a view."""
+    import msgspec
+
+    hidden = (
+        vff.Scenario.load("sweep-through").replace(name="nobody's business").save(tmp_path / "hidden.toml")
+    )
+    panel = page._panel
+    with connected(page) as (connection, client):
+        told: list[str] = []
+        client.add_notification = lambda title, text, **how: told.append(text)
+        for control, value in (
+            (panel._preset, str(hidden)),
+            (panel._views, "nowhere"),
+            (panel._view, "nowhere"),
+        ):
+            if control is panel._preset:
+                update = {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": {"value": value}}
+                connection.send(msgspec.msgpack.encode(update))
+            else:
+                panel._told(client, panel._look_at, value)
+            wait_for(lambda: told)
+            assert "is none of" in told.pop()
+        assert page.scenario.name == "gen3-circle" and page.view in page.views
+
+
+def test_the_end_waits_for_nobody_who_does_not_read(page: Any) -> None:
+    """A tab that hangs: the end of the page took six seconds."""
+    with silent(page):
+        begun = time.monotonic()
+        page.stop()
+        assert time.monotonic() - begun < 2.0
+
+
+@contextmanager
+def silent(page: Any) -> Iterator[None]:
+    """Somebody who asks for the page and never reads what comes, until no more of it can be sent."""
+    import viser
+
+    port = int(page.url.rsplit(":", 1)[1].rstrip("/"))
+    before = len(page._server.get_clients())
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect(("127.0.0.1", port))
+        key = base64.b64encode(b"x" * 16).decode()
+        asked = [
+            "GET / HTTP/1.1",
+            f"Host: 127.0.0.1:{port}",
+            "Upgrade: websocket",
+            "Connection: Upgrade",
+            f"Sec-WebSocket-Key: {key}",
+            "Sec-WebSocket-Version: 13",
+            f"Sec-WebSocket-Protocol: viser-v{viser.__version__}",
+        ]
+        connection.sendall("\r\n".join([*asked, "", ""]).encode())
+        wait_for(lambda: page._server._websock_server._client_state_from_id or before < 0)
+        time.sleep(1.0)
+        yield

@@ -115,6 +115,7 @@ impl Shown {
         if let Some(readings) = s.sensed {
             readings.append_to(&mut sensed);
             sensed.retain(|coordinate| !coordinate.is_nan());
+            sensed.shrink_to_fit(); // the page keeps half a minute of it
         }
         Self {
             state: live.state().clone(),

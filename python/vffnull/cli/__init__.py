@@ -23,9 +23,9 @@ from vffnull.cli import results
 from vffnull.cli.arms import arms
 from vffnull.cli.common import (
     COLOURS,
+    ENDED_BY,
     FINE,
     INTERRUPTED,
-    TERMINATED,
     WRONG_INPUT,
     complete_scenario,
     echo_json,
@@ -59,9 +59,12 @@ __all__ = ["main"]
 
 
 def main() -> NoReturn:
-    """Run the command line and exit: 0 success, 2 wrong input, 3 failed, 130 interrupted, 143 terminated."""
+    """Run the command line and exit: 0 success, 2 wrong input, 3 failed, 130 interrupted, 143 terminated.
+
+    129 says that the terminal was closed.
+    """
     _set_up()
-    terminated, output = _heard_as_ctrl_c(signal.SIGTERM), sys.stdout
+    came, output = _heard_as_ctrl_c(), sys.stdout
     try:
         code = _commands.main(prog_name="vffnull", standalone_mode=False)
         sys.stdout.flush()
@@ -84,17 +87,19 @@ def main() -> NoReturn:
     except (VffNullError, ImportError) as error:
         say(f"error: {error}", "red")
         code = WRONG_INPUT
-    if code == INTERRUPTED and terminated:
-        code = TERMINATED
-    if code in (INTERRUPTED, TERMINATED) and threading.active_count() > 1:  # nobody needs what they compute
+    if code == INTERRUPTED and came:
+        code = ENDED_BY + came[0]
+    if (
+        code is not None and code > ENDED_BY and threading.active_count() > 1
+    ):  # nobody needs what they compute
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
     sys.exit(code or FINE)
 
 
-def _heard_as_ctrl_c(number: int) -> list[int]:
-    """Let a signal end the command as Ctrl-C does, with nothing left half done; the list gets it."""
+def _heard_as_ctrl_c() -> list[int]:
+    """Let signals end the command as Ctrl-C does, with nothing left half done; the list gets what came."""
     came: list[int] = []
 
     def handler(number: int, _frame: object) -> None:
@@ -104,7 +109,11 @@ def _heard_as_ctrl_c(number: int) -> list[int]:
         signal.raise_signal(signal.SIGINT)
 
     if threading.current_thread() is threading.main_thread():
-        signal.signal(number, handler)
+        signal.signal(signal.SIGTERM, handler)
+        # Closing the terminal; somebody may want the command to outlive that.
+        closed = getattr(signal, "SIGHUP", None)
+        if closed is not None and signal.getsignal(closed) == signal.SIG_DFL:
+            signal.signal(closed, handler)
     return came
 
 

@@ -28,7 +28,8 @@ from vffnull.run.result import Result, Status
 from vffnull.run.simulate import PLANTS
 from vffnull.run.simulate import run as run_scenario
 
-FINE, WRONG_INPUT, FAILED, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
+FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
+ENDED_BY = 128  # and the signal's number
 COLOURS = {"good": "green", "odd": "yellow", "bad": "red"}
 
 
@@ -36,6 +37,8 @@ def can_write(file: Path, *read: str | Path) -> None:
     """Refuse a file that cannot be written, or that is one to `read`, before anything is computed."""
     apart(file, *read)
     writable(file.parent)
+    if file.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(file))
 
 
 def has_folder(file: Path, *read: str | Path) -> None:

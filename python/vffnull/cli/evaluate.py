@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
+from vffnull._support.files import writable
 from vffnull.cli.common import FINE, echo_json, format_option, has_folder, interactive
 
 if TYPE_CHECKING:
@@ -147,6 +148,8 @@ def evaluate(
     if save_to is not None:  # find out before the runs, not after them
         evaluating.check_path(save_to)
         has_folder(save_to)
+    if plot_to is not None:
+        writable(plot_to)
     evaluation.wilson(0, 1)
     kinds = [int(each) if each.isdigit() else each for each in categories]
     outcome = evaluating.evaluate(

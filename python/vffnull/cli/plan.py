@@ -208,7 +208,7 @@ def plan(
 _MEANINGS = {
     "duration": ("s", "how long the motion takes"),
     "clearance": ("m", "smallest distance from obstacles"),
-    "margin": ("m", "distance that the path keeps where it keeps least"),
+    "margin": ("m", "what the path keeps where it keeps least, four fifths of it for certain"),
     "tilt": ("rad", "how far the end effector leans at most"),
     "view": ("rad", "how far off its axis it has the point in view at most"),
     "begins": ("s", "when it has to begin, if what moves is let pass"),

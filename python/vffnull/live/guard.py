@@ -28,6 +28,7 @@ _STARTING = threading.Lock()
 _SILENT = logging.getLogger(f"{__name__}.silent")
 """Of connections: what others send that cannot be read ends theirs, and is no news for the terminal."""
 _SILENT.setLevel(logging.CRITICAL + 1)
+_CLOSES = 0.05  # s
 
 
 def origins(given: Iterable[str]) -> frozenset[str]:
@@ -91,6 +92,8 @@ def guarding(allowed: Collection[str]) -> Iterator[None]:
         if not getattr(handler, "__module__", "").startswith("viser."):
             return plain(handler, *arguments, **how)
         answer = how.get("process_request")
+        # Whoever does not read would be waited for when the page ends.
+        more = {"close_timeout": _CLOSES, "logger": _SILENT}
         guarded.append(True)
 
         def process(connection: ServerConnection, request: Request) -> Any:
@@ -110,7 +113,7 @@ def guarding(allowed: Collection[str]) -> Iterator[None]:
             found = answer(connection, request)
             return None if found is None else prepared(found)
 
-        return plain(handler, *arguments, **(how | {"process_request": process, "logger": _SILENT}))
+        return plain(handler, *arguments, **(how | more | {"process_request": process}))
 
     with _STARTING:
         websockets.asyncio.server.serve = serve  # type: ignore[assignment, misc]

@@ -291,7 +291,7 @@ class Panel:
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None and self._preset.value != OWN:  # somebody has chosen it
-                self._told(event.client, lambda: page.open(Scenario.load(self._preset.value)))
+                self._told(event.client, self._open_preset)
 
         @self._pause.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -344,11 +344,11 @@ class Panel:
 
         @self._view.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
-            self._look_at(self._view.label)
+            self._told(event.client, self._look_at, self._view.label)
 
         @self._views.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
-            self._look_at(self._views.value)
+            self._told(event.client, self._look_at, self._views.value)
 
         @self._task.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -413,7 +413,12 @@ class Panel:
             put(self._task, said(self._settings, "task"))
             raise
 
+    def _open_preset(self) -> None:
+        # A visitor must not choose files of the machine that runs the page.
+        self._page.open(Scenario.load(_known({name: name for name in scenarios()}, self._preset.value)))
+
     def _look_at(self, view: str) -> None:
+        _known(self._page.views, view)
         self._page.look(view)
         self._show_views()
 
@@ -486,6 +491,6 @@ class Panel:
 
 def _known(among: Mapping[str, T], name: str) -> T:
     """What a name stands for, which a browser has sent."""
-    if name not in among:
-        raise InputError(f"{name!r} is none of {listed(list(among))}")
+    if not isinstance(name, str) or name not in among:
+        raise InputError(f"{name!r:.60} is none of {listed(list(among))}")
     return among[name]

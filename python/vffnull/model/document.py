@@ -71,7 +71,9 @@ def _plain(value: object, path: str) -> Any:
         return _plain(value.to_dict(), path)
     if isinstance(value, Mapping):
         return _mapping(value, path)
-    if isinstance(value, Iterable):
+    if isinstance(value, Iterable) and not isinstance(
+        value, bytes | bytearray
+    ):  # no numbers, though these are
         return _sequence(value, path)
     where = f"{path}: " if path else ""
     raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")
