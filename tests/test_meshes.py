@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -131,6 +132,18 @@ def test_a_convex_mesh_is_its_own_hull(tmp_path: Path) -> None:
     one = vff.distances(PANDA, Q, Q, found.obstacles(place)).distance
     box = vff.distances(PANDA, Q, Q, [vff.Obstacle.box(place, size)]).distance
     np.testing.assert_allclose(one, box, atol=1e-7)
+
+
+@pytest.mark.parametrize(("name", "length"), [("millimeter", 0.001), ("inch", 0.0254), ("cubit", 0.4572)])
+def test_a_dae_file_says_its_unit(name: str, length: float, tmp_path: Path) -> None:
+    """6 cm in millimetres were 60 m."""
+    mesh = trimesh.creation.box(extents=[2.0, 2.0, 6.0])
+    text = trimesh.exchange.dae.export_collada(mesh).decode()
+    unit = f'<unit name="{name}" meter="{length}"/><up_axis>'
+    path = tmp_path / "box.dae"
+    path.write_text(re.sub(r"<unit[^>]*/>", "", text).replace("<up_axis>", unit, 1))
+    extent = np.ptp(np.vstack(enclose(path).hulls), axis=0)
+    np.testing.assert_allclose(extent, length * mesh.extents, rtol=1e-6)
 
 
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply", "3mf", "glb", "dae"])

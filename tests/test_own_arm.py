@@ -19,7 +19,7 @@ import vffnull as vff
 import vffnull._core as _core
 from vffnull.arms import _kept, read_urdf
 from vffnull.arms._capsules import Solid, fit_solids
-from vffnull.arms._new import INNER, TRIED, _bent, _elbow
+from vffnull.arms._new import INNER, TRIED, _bent, _passing
 from vffnull.arms._read import _always
 from vffnull.arms._touching import spread
 from vffnull.cli import _commands
@@ -315,9 +315,9 @@ def test_the_ball_passes_what_a_joint_can_move(
     report = read_urdf("robot.urdf", tip="tip")
     arm = arm_of(report.document)
     q0 = _bent(report.document, arm)
-    elbow, _, _ = _elbow(arm, np.asarray(q0))
-    origins = arm.forward_kinematics(q0)
-    assert np.linalg.norm(origins[2:] - elbow, axis=1).min() < 1e-12
+    start, way = _passing(arm, np.asarray(q0), 0.1, 0.2)
+    away = np.linalg.norm(arm.forward_kinematics(q0)[2:] - (start + 3.0 * 0.2 * way), axis=1)
+    assert abs(away - 0.1).min() < 1e-12
     Path("mine.toml").write_text(_new("robot.urdf", "--tip", "tip"), encoding="utf-8")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioWarning)
@@ -344,10 +344,8 @@ def test_mjcf_in_a_scenario(tmp_path: Path) -> None:
     scenario = tmp_path / "mine.toml"
     text = 'duration = 0.1\nq0 = [0.0, 0.5, 0.0, -1.2, 0.0, 0.8, 0.0]\nreference.kind = "setpoint"\n[arm]\n'
     scenario.write_text(f'{text}mjcf = "robot.xml"\n', encoding="utf-8")
-    with (
-        pytest.warns(ScenarioWarning, match="overlap in nearly every posture"),
-        pytest.warns(ScenarioWarning, match="no limit of speed"),
-    ):
+    # What overlaps in every posture, the file excludes.
+    with pytest.warns(ScenarioWarning, match="no limit of speed"):
         found = vff.Scenario.load(scenario)
     assert len(found["arm.joints"]) == 7 and "mjcf" not in found["arm"]
     assert vff.simulate(found).status == "completed"
@@ -526,3 +524,11 @@ def test_a_recording_is_replayed_with_a_tip(
     command = ["perceive", "cell.mcap", "--arm", arm, "--tip", tip]
     done = CliRunner().invoke(_commands, command, standalone_mode=False)
     assert said in str(done.exception)
+
+
+@pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")
+def test_pairs_that_a_model_excludes_are_ignored() -> None:
+    """They were lost without a word, those that `to_mjcf` has written, too."""
+    document = vff.Arm.named("panda").to_dict() | {"ignore": [["panda_link3", "panda_link7"]]}
+    arm = vff.Scenario.load("panda-sweep").replace(arm=document).arm
+    assert ["panda_link3", "panda_link7"] in vff.Arm.from_mjcf(arm.to_mjcf()).to_dict()["ignore"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -164,3 +165,80 @@ def test_an_arm_that_follows_touches_nothing() -> None:
     followed["controller"] = {**followed["controller"], "posture_stiffness": 200.0}
     run = vff.simulate(followed)
     assert run.metrics.min_clearance > 0.02 and run.metrics.end_error < 0.01
+
+
+def rests(times: list[float], points: list[list[float]], radius: float) -> dict[str, Any]:
+    motion = {"kind": "waypoints", "times": times, "points": points}
+    return {"shape": {"kind": "circle", "radius": radius}, "position": points[0], "motion": motion}
+
+
+def test_a_disc_that_comes_to_rest_late_is_no_panic() -> None:
+    """What blocked a motion at its end was remembered by a number that another world did not have."""
+    times = [0.639, 1.326, 2.272, 2.353]
+    places = [[2.116, 3.118], [2.982, 2.714], [2.701, 3.333], [2.681, 1.68]]
+    made = scene([rests(times, places, 0.608)])
+    made["q0"] = [-0.945, 0.966, -0.632, -0.118]
+    made["arm"] = {"lengths": [0.911, 0.952, 0.769, 0.907], "masses": 1.0}
+    made["reference"] = {"kind": "setpoint", "point": [1.769, 1.061]}
+    plan = vff.plan(made, [-0.784, 1.216, 0.857, -0.365], horizon=2.427)
+    assert plan.status in ("goal blocked", "not found")
+
+
+def test_a_long_wait_beside_a_post_is_a_rest() -> None:
+    """It bulges nowhere: a disc that stays for 8 s in the way is waited for 3 cm beside a post."""
+    made = scene([])
+    at = distance(np.array(made["q0"]), flies([2.0, 0.2], [0.0, 0.0], 0.2), 0.0)
+    post = {"shape": {"kind": "circle", "radius": 0.2}, "position": [2.0, 0.2 - (0.03 - at)]}
+    stays = rests([0.0, 8.0, 8.5], [[-1.0, 2.9], [-1.0, 2.9], [-9.0, 9.0]], 0.3)
+    here = vff.distances(vff.Scenario.from_dict(made).arm, made["q0"], np.zeros(LINKS), [post]).distance.min()
+    post["position"][1] -= 0.03 - here
+    plan = vff.plan({**made, "obstacles": [post, stays]}, GOAL, horizon=12.0)
+    assert plan.status == "found" and plan.begins == 0.0
+    assert plan.t[1] > 4.0 and abs(plan.dq[:2]).max() < 1e-12  # it waits
+    assert plan.margins[0].max() > 0.25
+
+
+def test_what_is_kept_at_the_goal_is_said() -> None:
+    """Something comes beside it later, within the horizon: clearance and margins know, in a pause, too."""
+    made = scene([])
+    made["arm"] = {"lengths": [1.0] * 3, "masses": 1.0, "radius": RADIUS}
+    made["q0"], goal = [-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]
+    made["reference"] = {"kind": "setpoint", "point": [1.0, 1.0]}
+    tip = 3.0 * np.array([np.cos(0.5), np.sin(0.5)])
+    sweeps = rests([0.0, 2.0, 4.0], [[6.0, -1.3], [6.0, -1.3], [2.0, -1.0]], 0.2)
+
+    def late(t: float) -> dict[str, Any]:
+        return rests(
+            [0.0, t - 0.5, t, t + 0.5], [[6.0, 3.0], [6.0, 3.0], [tip[0] + 0.29, tip[1]], [6.0, 3.0]], 0.2
+        )
+
+    plan = vff.plan({**made, "obstacles": [sweeps, late(4.0)]}, goal, horizon=6.0)
+    assert plan.begins == 0.0 and plan.duration < 2.0
+    assert 0.02 < plan.clearance <= 0.0401 and plan.margins[-1].min() <= 0.0401
+    around = [sweeps, late(plan.duration + 0.25)]
+    tour = vff.plan({**made, "obstacles": around}, [goal, [0.8, 0.2, 0.2]], horizon=6.0, pause=0.5)
+    assert tour.clearance <= 0.0401
+    pause = int(np.searchsorted(tour.t, plan.duration + 0.25)) - 1
+    assert tour.margins[pause : pause + 2].min(axis=1).max() <= 0.0401
+    # By the clock of a computer, which has steps of 0.2 µs.
+    now = 1.7647e9
+    first = replace(plan, begins=now)
+    assert first.then(replace(plan, q=plan.q[::-1], begins=now + plan.duration + 0.5)).begins == now
+
+
+def test_many_things_that_move_cost_no_more_memory_than_their_places() -> None:
+    """A flying cloud of 50 000 points was copied 12 800 times."""
+    resource = pytest.importorskip("resource")
+    points = np.random.default_rng(1).uniform(-0.1, 0.1, size=(50_000, 3)) + np.array([3.0, 0.0, 0.5])
+    cloud = vff.Obstacle.points(points, 0.01, motion=vff.Motion.linear([-30.0, 0.0, 0.0]))
+    made = {
+        "duration": 1.0,
+        "q0": [0.0, -0.4, 0.0, -2.0, 0.0, 1.6, 0.8],
+        "arm": {"model": "panda"},
+        "reference": {"kind": "setpoint"},
+        "obstacles": [cloud.to_dict()],
+    }
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    plan = vff.plan(made, [1.0, -0.4, 0.0, -2.0, 0.0, 1.6, 0.8], horizon=10.0, samples=200)
+    assert plan.status == "start blocked"
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_000_000  # kB

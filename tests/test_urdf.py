@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import re
 import subprocess
 import sys
 import warnings
@@ -963,3 +964,44 @@ def test_a_joint_without_limits_beside_others() -> None:
         arm = Arm.from_urdf(text, collision="none")
     assert "no limit of speed for `j1`: taken for 100" in [str(each.message) for each in told]
     assert arm.velocity_limits.tolist() == [100.0, 2.0] and arm.torque_limits.tolist() == [1e5, 30.0]
+
+
+def test_prefixes_that_nobody_declares_are_no_offence() -> None:
+    """Simulators add elements of their own; macros that are left are told of all the same."""
+    plain = without_mesh()
+    more = plain.replace("</robot>", '<drake:loop drake:name="a"/><sensor:camera/></robot>')
+    assert Arm.from_urdf("<!-- <a:b> --> " + more).to_dict() == Arm.from_urdf(plain).to_dict()
+    refused("xacro", plain.replace("</robot>", "<xacro:part/></robot>"))
+    refused("not well-formed", "<drake:robot")
+
+
+def test_shapes_of_no_size_are_left_out_and_told() -> None:
+    plain = without_mesh()
+    shape = "<collision><geometry><{}/></geometry></collision></link>"
+    for form in ('box size="0 0 0"', 'sphere radius="0"', 'cylinder radius="0" length="0"'):
+        with pytest.warns(ScenarioWarning, match="has no size and is left out"):
+            arm = Arm.from_urdf(plain.replace("</link>", shape.format(form), 1))
+        assert arm.n == Arm.from_urdf(plain).n
+    refused("must be > 0", plain.replace("</link>", shape.format('box size="0 1 1"'), 1))
+
+
+def test_stops_that_are_far_away_are_none() -> None:
+    """±1e16 rad was a range that an arm had to start in the middle of."""
+    far = re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1e16" upper="1e16"', without_mesh())
+    limits = Arm.from_urdf(far).joint_limits
+    assert limits is None or not np.isfinite(np.array(limits, float)).any()
+
+
+def test_what_is_repaired_is_possible_in_another_engine(tmp_path: Path) -> None:
+    """Rounding left a quarter of the tensors impossible by so little that MuJoCo refused the arm."""
+    mujoco = pytest.importorskip("mujoco")
+    from scipy.spatial.transform import Rotation
+
+    for seed in range(20):
+        turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+        xx, xy, xz, yy, yz, zz = (turn @ np.diag([1e-3, 1e-3, 4e-3]) @ turn.T)[np.triu_indices(3)]
+        tensor = f'ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="{xy}" ixz="{xz}" iyz="{yz}"'
+        text = re.sub(r'ixx="[^/]*/>', tensor + "/>", without_mesh())
+        with pytest.warns(ScenarioWarning, match="nearest that is possible"):
+            arm = Arm.from_urdf(text, fix_inertia=True)
+        mujoco.MjModel.from_xml_string(arm.to_mjcf())

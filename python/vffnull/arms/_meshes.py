@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -31,6 +33,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 """A triangle in a binary STL."""
 _PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz")
 _METRES = {"meters": 1.0, "meter": 1.0, "millimeters": 1e-3, "centimeters": 1e-2, "inches": 0.0254}
+_TIMES_METRES = re.compile(r"(\S+) \* meters")
 
 
 class MissingMeshError(InputError):
@@ -180,7 +183,7 @@ def _by_trimesh(path: Path) -> tuple[Array, Array, float]:
         raise ImportError('meshes need trimesh: pip install "vffnull[meshes]"') from error
     try:
         scene = trimesh.load_scene(path, process=False)
-        unit = _METRES.get(scene.units or "meters", 1.0) if path.suffix.lower() == ".dae" else 1.0
+        unit = _metres(scene.units or "meters") if path.suffix.lower() == ".dae" else 1.0
         mesh = scene.to_mesh()
         return np.array(mesh.vertices, float), np.array(mesh.faces, np.int64), unit
     except ImportError as error:
@@ -189,6 +192,18 @@ def _by_trimesh(path: Path) -> tuple[Array, Array, float]:
         ) from error
     except Exception as error:  # whatever a parser says of a broken file
         raise InputError(f"mesh {path} cannot be read: {error or type(error).__name__}") from error
+
+
+def _metres(unit: str) -> float:
+    """What a unit of length of a DAE file is [m]: a name, or as trimesh says it of one that has none."""
+    times = _TIMES_METRES.fullmatch(unit)
+    try:
+        length = float(times[1]) if times else _METRES[unit]
+    except (KeyError, ValueError):
+        raise InputError(f"its unit of length is {unit[:40]!r}, which is none that is known") from None
+    if not 0.0 < length < math.inf:
+        raise InputError(f"its unit of length is {length:g} m")
+    return length
 
 
 def _check_size(path: Path) -> None:

@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ def read_mjcf(
     mujoco = _import()
     model, source = _compiled(mujoco, mjcf)
     reader = _Reader(mujoco, model)
-    pairs = None if srdf is None else text_of("srdf", srdf)[0]
+    pairs = reader.excluded() if srdf is None else text_of("srdf", srdf)[0]
     asked = options(
         tip,
         base,
@@ -165,6 +166,13 @@ class _Reader:
         self._model = model
         self._warnings: list[str] = []
         self._followed = self._couplings()
+
+    def excluded(self) -> str | None:
+        """The pairs of bodies that the model takes out of its contacts, as an SRDF; None if it takes none."""
+        signatures = [int(each) for each in self._model.exclude_signature]
+        pairs = [(self._body(each >> 16), self._body(each & 0xFFFF)) for each in signatures]
+        told = [f"<disable_collisions link1={quoteattr(a)} link2={quoteattr(b)}/>" for a, b in pairs]
+        return f"<robot name='excluded'>{''.join(told)}</robot>" if told else None
 
     def _couplings(self) -> dict[int, dict[str, Any]]:
         """The joints that an equality lets follow another one in proportion, and how."""

@@ -13,6 +13,8 @@ import vffnull._core as _core
 from vffnull._support.errors import InputError
 from vffnull.arms._touching import spread
 from vffnull.model.arm import arm_of
+from vffnull.model.motion import Motion
+from vffnull.model.obstacle import Obstacle
 from vffnull.model.settings import setting
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ ROUNDING = 1e-12
 """Share of the most that the tip yields in some direction, below which it yields by rounding alone."""
 NUDGE, LEVER = 1e-4, 1e-3
 """How far each joint goes to find out what it moves [rad or m], and how far a radian moves that [m]."""
+STANDS = 0.15
+"""A link of which the joints that turn move the far end by less, a radian, in parts of the reach, stands."""
 PUSH = 4.5
 """Force of the field at contact for each kilogram that moves [N/kg]: a gentle push."""
 
@@ -58,9 +62,8 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
     arm = arm_of(report.document)
     q0 = _bent(report.document, arm)
     reach = _reach(arm)
-    elbow, outward, across = _elbow(arm, np.asarray(q0))
     radius, influence, speed = 0.09 * reach, 0.3 * reach, 0.25 * reach
-    start = elbow + radius * outward - 3.0 * speed * across
+    start, across = _passing(arm, np.asarray(q0), radius, speed)
     mass = sum(joint["mass"] for joint in report.document["joints"])
     pull = 9.0 * np.diag(arm.mass_matrix(q0))  # as a spring of 3 rad/s at each joint by itself
     task = "pose" if arm.n >= 7 else "position"
@@ -224,24 +227,42 @@ def _reach(arm: Any) -> float:
     return float(np.linalg.norm(np.diff(origins, axis=0), axis=1).sum())
 
 
-def _elbow(arm: Any, q0: Array) -> tuple[Array, Array, Array]:
-    """The joint that is farthest from the line from base to tip, and unit vectors away from it and across.
+def _passing(arm: Any, q0: Array, radius: float, speed: float) -> tuple[Array, Array]:
+    """Where a ball begins that comes by at an elbow, and the unit vector along which it goes.
 
-    Of those that can give way alone: what stands where no joint moves it would be hit whatever the law does.
+    The first way that is clear of what stands, which would be hit whatever the law does.
     """
     origins = np.asarray(arm.forward_kinematics(q0))
     moved = np.asarray(arm.forward_kinematics(q0 + NUDGE * np.eye(arm.n)))
-    gives_way = np.linalg.norm(moved - origins, axis=2).max(axis=0) > LEVER * NUDGE
+    levers = np.linalg.norm(moved - origins, axis=2) / NUDGE
+    gives_way = levers.max(axis=0) > LEVER
+    turns = np.array([joint.get("kind") != "prismatic" for joint in arm.to_dict()["joints"]])
+    stands = levers[turns, 1:].max(axis=0, initial=0.0) < STANDS * _reach(arm)  # links, by their far ends
     base, tip = origins[0], origins[-1]
     along = tip - base
     along /= max(float(np.linalg.norm(along)), 1e-12)
     off = origins - base - ((origins - base) @ along)[:, None] * along
-    far = int(np.where(gives_way, np.linalg.norm(off, axis=1), -1.0).argmax())
-    away = float(np.linalg.norm(off[far]))
-    outward = off[far] / away if away > 1e-6 else np.array([0.0, 0.0, 1.0])
-    across = np.cross(along, outward)
-    size = float(np.linalg.norm(across))
-    return origins[far], outward, across / size if size > 1e-6 else np.array([0.0, 1.0, 0.0])
+    best, found = -np.inf, None
+    farthest = np.argsort(-np.where(gives_way, np.linalg.norm(off, axis=1), -1.0), kind="stable")
+    for far in map(int, farthest[: max(1, int(gives_way.sum()))]):
+        away = float(np.linalg.norm(off[far]))
+        outward = off[far] / away if away > 1e-6 else np.array([0.0, 0.0, 1.0])
+        across = np.cross(along, outward)
+        size = float(np.linalg.norm(across))
+        across = across / size if size > 1e-6 else np.array([0.0, 1.0, 0.0])
+        for way in (across, -across):
+            start = origins[far] + radius * outward - 3.0 * speed * way
+            ball = Obstacle.sphere(start, radius, Motion.linear(speed * way)).to_dict()
+            least = np.inf
+            for t in np.linspace(0.0, 6.0, 61):
+                pairs = _core.distances(arm, q0, np.zeros(arm.n), [ball], t)
+                least = min(least, float(pairs.distance[stands[pairs.link]].min(initial=np.inf)))
+            if least > 0.5 * radius:
+                return start, way
+            if least > best:
+                best, found = least, (start, way)
+    assert found is not None  # there is a joint
+    return found
 
 
 def _row(numbers: Sequence[float] | Array) -> str:

@@ -106,7 +106,8 @@ class Plan:
         The same of how far off the axis of the end effector it has the point that it keeps in view.
     begins : float or None
         When it has to begin, by the time of its scenario [s], if it keeps from what moves only when that
-        passes; None if it may begin at any time.
+        passes; None if it keeps from all places that are passed within the horizon. In a drive the reference
+        begins ``command.blend_time`` after the obstacles: plan it with that ``time``, 0.5 by default.
     ignored : tuple of (str, str)
         Pairs of links that were not measured against each other: the ``ignore`` of the arm.
     """
@@ -208,12 +209,13 @@ class Plan:
         begins = self.begins
         if following.begins is not None:
             begins = following.begins - self.duration - rest
-            if begins < -_SAME or (self.begins is not None and abs(begins - self.begins) > _SAME):
+            same = _SAME + 8.0 * float(np.spacing(following.begins))
+            if begins < -same or (self.begins is not None and abs(begins - self.begins) > same):
                 raise InputError(
                     f"following: goes past what moves and has to begin at {following.begins:.6g} s, which "
                     f"is not {rest:.6g} s after this plan ends; plan it for another `time`"
                 )
-            begins = max(begins, 0.0)
+            begins = self.begins if self.begins is not None else max(begins, 0.0)
         joined = {
             name: np.concatenate([getattr(self, name), getattr(following, name)])
             for name in _ARRAYS
@@ -224,6 +226,10 @@ class Plan:
             if len(self.shares) or len(following.shares):
                 shares = [p.shares if len(p.shares) else np.ones_like(p.q) for p in (self, following)]
                 joined["shares"] = np.concatenate(shares)
+        at = slice(len(self.t) - 1, len(self.t) + 1)
+        for name in _KEPT:  # while it rests, no more than before and after
+            if name in joined:
+                joined[name][at] = joined[name][at].min(axis=0)
         joined["t"][len(self.t) :] += self.t[-1] + rest
         if not (np.diff(joined["t"]) > 0.0).all():  # rounding has lost the rest, or the motion after it
             least = 2.0 * np.spacing(self.t[-1])

@@ -285,9 +285,13 @@ mod tests {
             // 2 rad at 2 rad/s, 0.2 s for speeding up and braking, a sample for each of six corners.
             assert!(arrived < 1.2 + 6.0 * h, "{h}: {arrived}");
             let mut joint = LimitedJoint::new(BOUNDS, 1.3);
-            for _ in 0..4000 {
+            let (mut t, mut fastest) = (0.0, 0.0_f64);
+            while t < 0.5 + 0.3 / (RETURN[0] * BOUNDS.speed) {
                 joint.advance(1e3, h);
+                fastest = fastest.max(joint.motion().dq.abs());
+                t += h;
             }
+            assert!(fastest <= RETURN[0] * BOUNDS.speed * (1.0 + 1e-9), "{h}: {fastest}");
             let now = joint.motion();
             assert!(now.q > 0.99 && now.q <= 1.0 + 1e-6, "{h}: {now:?}");
         }

@@ -35,6 +35,8 @@ use worker::Worker;
 
 /// What is left of the margin in a plan's corners, and a little less.
 const KEPT: f64 = 0.45;
+/// So much later than it has to begin a plan is of no use any more that lets something pass \[s\].
+const LATE: f64 = 0.05;
 /// How often what passes by is waited for before another plan is searched.
 const WAITS: u32 = 3;
 /// Beyond its limits by no more than this, a joint counts as being at them \[rad or m\].
@@ -248,7 +250,11 @@ where
         self.search = None;
         let is_late = found.as_ref().is_some_and(|Found { plan, braking, .. }| match braking {
             Some(braking) => braking.is_over(moment.pace.time),
-            None => self.is_late(plan, moment),
+            // What lets something pass does so at its time.
+            None => {
+                plan.begins.is_some_and(|begins| moment.since > begins + LATE)
+                    || self.is_late(plan, moment)
+            }
         });
         let status = found.as_ref().map_or("failed", |found| found.plan.status.name());
         let asked = self.searches.last_mut().expect("there has been one");
@@ -323,6 +329,7 @@ where
         // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
         let whatever_moves =
             reason != Reason::Blocked && (0..world.len()).any(|j| !world.stands_still(j));
+        let at = settings.time;
         let search = move || {
             let braking = slow
                 .and_then(|(plan, able)| Braking::along(&plan, start, &able, [blend, 1.0 - speed]));
@@ -340,6 +347,7 @@ where
                 return Some(Found { plan: Box::new(plan), is_ahead: true, braking });
             }
             let found = |plan| Some(Found { plan: Box::new(plan), is_ahead: false, braking: None });
+            let settings = PlanSettings { time: at, ..settings };
             let plan = task.plan(&settings).ok()?;
             match plan.status {
                 PlanStatus::Found => found(plan),

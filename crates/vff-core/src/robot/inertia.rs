@@ -46,12 +46,16 @@ pub fn check(inertia: &[f64; 6], mass: f64) -> Result<(), Impossible> {
     Ok(())
 }
 
-/// The nearest possible tensor: Σ = ½tr(J)1 − J, the second moments of mass, with its negative
-/// eigenvalues put to 0, which is nearest in Σ's Frobenius norm.
+/// What a second moment of mass is at least, as a share of them all: so that rounding does not make it negative again.
+const LEAST_MOMENT: f64 = 1e-9;
+
+/// The nearest possible tensor: Σ = ½tr(J)1 − J, the second moments of mass, with its negative eigenvalues put to 0, which is nearest in Σ's
+/// Frobenius norm, and as little above that as rounding asks for.
 pub fn repair(inertia: &[f64; 6]) -> [f64; 6] {
     let j = tensor(inertia);
     let eigen = SymmetricEigen::new(Matrix3::identity() * (0.5 * j.trace()) - j);
-    let moments = eigen.eigenvalues.map(|x| x.max(0.0));
+    let all: f64 = eigen.eigenvalues.iter().map(|x| x.max(0.0)).sum();
+    let moments = eigen.eigenvalues.map(|x| x.max(LEAST_MOMENT * all));
     let q = eigen.eigenvectors;
     let sigma = q * Matrix3::from_diagonal(&moments) * q.transpose();
     six(&(Matrix3::identity() * sigma.trace() - sigma))

@@ -259,9 +259,14 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
         self.obstacles[j].top_speed(times, Some((center, radius)))
     }
 
+    /// Of how many convex bodies obstacle `j` is made.
+    pub fn bodies(&self, j: usize) -> usize {
+        self.obstacles[j].geometry.contacts()
+    }
+
     /// Whether obstacle `j` is one convex body, which has one contact with another.
     pub fn is_convex(&self, j: usize) -> bool {
-        self.obstacles[j].geometry.contacts() == 1
+        self.bodies(j) == 1
     }
 
     /// Position of obstacle `j` \[m\].

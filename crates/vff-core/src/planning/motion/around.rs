@@ -16,10 +16,12 @@ const ALIKE: f64 = 1.1;
 /// From this slack on \[m\], rounding is no longer far below all that matters, and this share of it is added.
 const FAR: f64 = 1e3;
 const ROUNDING: f64 = 1e-9;
-/// How long the parts of a course are at least \[s\], how many there are at most, and of how many obstacles together.
+/// How long the parts of a course are at least \[s\], how many there are at most, and of how many bodies together; and in how many places
+/// something is looked for in a part.
 const PART: f64 = 0.05;
 const MOST_PARTS: f64 = 200.0;
-const MOST_TOGETHER: usize = 1 << 16;
+const MOST_TOGETHER: usize = 1 << 13;
+const PLACES_OF_A_PART: f64 = 8.0;
 
 /// From when to when things that move are looked for \[s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,16 +53,27 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
     }
 
     /// Obstacles of `world` that move, at the instants at which they are looked for from one time to another \[s\], in a ball around the arm.
+    pub fn passing(
+        world: &World<S, D>,
+        moving: &[usize],
+        times: [f64; 2],
+        ball: (Vector<D>, f64),
+    ) -> Vec<Self> {
+        Self::in_places(world, moving, times, ball, MAX_PLACES)
+    }
+
+    /// The same, in so many places at most.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "at least 1, and few"
     )]
-    pub fn passing(
+    fn in_places(
         world: &World<S, D>,
         moving: &[usize],
         [start, end]: [f64; 2],
         (center, radius): (Vector<D>, f64),
+        most: f64,
     ) -> Vec<Self> {
         let duration = end - start;
         // Those that are looked for equally often go together, but for what goes too far from one place to the next.
@@ -71,8 +84,8 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
             let speed = world.top_speed(*j, [start, end], center, radius);
             // What is not a number is as fast as can be.
             let speed = if speed.is_nan() { f64::INFINITY } else { speed };
-            let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
-            if places >= MAX_PLACES {
+            let places = (duration * speed / STRIDE).ceil().clamp(1.0, most);
+            if places >= most {
                 fast.push((speed, *j));
                 continue;
             }
@@ -85,15 +98,16 @@ impl<S: ObstacleGeometry<D>, const D: usize> Around<S, D> {
                 None => groups.push(Group { places, fastest: speed, members: vec![*j] }),
             }
         }
-        groups.extend(Group::of_fast(fast));
+        groups.extend(Group::of_fast(fast, most));
         groups.sort_by_key(|group| group.members[0]);
         let mut all = vec![];
         for Group { places, fastest, members } in groups {
+            let bodies: usize = members.iter().map(|j| world.bodies(*j)).sum();
             let alone = world.only(members.iter().copied());
             let stride = duration / f64::from(places);
             let slack = if duration > 0.0 { slack_of(0.5 * stride * fastest) } else { 0.0 };
             for k in 0..places {
-                interrupt::checkpoint(256 * members.len());
+                interrupt::checkpoint(256 * bodies);
                 let mut there = alone.clone();
                 there.update(start + stride * (f64::from(k) + 0.5));
                 let is_known =
@@ -131,14 +145,16 @@ impl<S: ObstacleGeometry<D>, const D: usize> Course<S, D> {
         [start, duration]: [f64; 2],
         ball: (Vector<D>, f64),
     ) -> Self {
-        let most = (MOST_TOGETHER / moving.len().max(1)).max(1);
+        let bodies: usize = moving.iter().map(|j| world.bodies(*j)).sum();
+        let most = (MOST_TOGETHER / bodies.max(1)).max(1);
         let count = ((duration / PART).ceil().clamp(1.0, MOST_PARTS) as u32).min(most as u32);
         let part = duration / f64::from(count);
         let at = |k: u32| start + part * f64::from(k);
         let last = [at(count); 2];
         let parts = (0..count).map(|k| [at(k), at(k + 1)]).chain([last]);
-        let parts: Vec<_> =
-            parts.map(|times| Around::passing(world, moving, times, ball)).collect();
+        let parts: Vec<_> = parts
+            .map(|times| Around::in_places(world, moving, times, ball, PLACES_OF_A_PART))
+            .collect();
         let sizes = parts.iter().map(Vec::len).collect();
         Self { part, duration, parts, sizes, taken: 0..0 }
     }
@@ -184,8 +200,8 @@ impl Group {
     /// Those that go too far from one place to the next, each with its speed \[m/s\]: each by itself where they are few, as what is
     /// added for the fastest of a group is too much for the others.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few")]
-    fn of_fast(mut fast: Vec<(f64, usize)>) -> Vec<Self> {
-        let new = |(speed, j)| Self { places: MAX_PLACES as u32, fastest: speed, members: vec![j] };
+    fn of_fast(mut fast: Vec<(f64, usize)>, most: f64) -> Vec<Self> {
+        let new = |(speed, j)| Self { places: most as u32, fastest: speed, members: vec![j] };
         if fast.len() <= MOST_ALONE {
             return fast.into_iter().map(new).collect();
         }

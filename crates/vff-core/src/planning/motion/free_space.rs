@@ -263,6 +263,7 @@ impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Whether what moves is out of the way of a straight motion between two times \[s\], whatever else is in the way of it.
     pub fn is_passed_between(&mut self, a: &[f64], b: &[f64], times: [f64; 2]) -> bool {
         self.show(Some(times));
+        self.blockers.clear(); // the numbers of worlds are others
         let own = std::mem::take(&mut self.own);
         let passing = self.worlds.split_off(1);
         let still = std::mem::replace(&mut self.worlds, passing);

@@ -28,9 +28,15 @@ where
         sort_by_first(&mut all);
         let found = all.into_iter().find_map(|(end, timing)| {
             let motion = timing.of(&spline).filter(|_| end <= LONGEST)?;
-            let kept =
-                self.is_met_by_nothing(&motion, known).then(|| self.kept_along(&motion, true));
-            Some(((motion, kept??), Some(timing)))
+            if !self.is_met_by_nothing(&motion, known) {
+                return None;
+            }
+            // At the goal it keeps what it does until the horizon ends.
+            let held = held_until(&motion, known);
+            let kept = self.kept_along(held.as_ref().unwrap_or(&motion), true)?;
+            let count = motion.times().len();
+            let kept = kept.map(|rows| rows.into_iter().take(count).collect());
+            Some(((motion, kept), Some(timing)))
         });
         self.space.show(None);
         found
@@ -51,6 +57,32 @@ where
     }
 }
 
+/// The motion, with a rest after it until so long after its beginning \[s\]; None if it lasts as long.
+fn held_until(spline: &JointSpline, time: f64) -> Option<JointSpline> {
+    let (mut times, mut points) = knots_of(spline);
+    if spline.span()[1] >= time {
+        return None;
+    }
+    times.push(time);
+    points.push(spline.last().to_vec());
+    JointSpline::new(&times, &points).ok()
+}
+
+/// When and where the knots of a motion are, rests to the last bit, as that makes them: where a cubic ends is its last knot but for
+/// rounding.
+fn knots_of(spline: &JointSpline) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let mut state = [0; 3].map(|_| vec![0.0; spline.dof()]);
+    let mut at = |t: &f64| {
+        spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
+        state[0].clone()
+    };
+    let mut points: Vec<Vec<f64>> = spline.times().iter().map(&mut at).collect();
+    let last = points.len() - 1;
+    points[0].copy_from_slice(spline.first());
+    points[last].copy_from_slice(spline.last());
+    (spline.times().to_vec(), points)
+}
+
 /// When a motion begins \[s\], and how many times as long it takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Timing {
@@ -62,20 +94,12 @@ impl Timing {
     /// The motion, with a rest before it.
     fn of(self, spline: &JointSpline) -> Option<JointSpline> {
         let Self { delay, slower } = self;
-        let mut state = [0; 3].map(|_| vec![0.0; spline.dof()]);
-        let (mut times, mut points) = (vec![], vec![]);
+        let (mut times, mut points) = knots_of(spline);
+        times.iter_mut().for_each(|t| *t = delay + slower * *t);
         if delay > 0.0 {
-            times.push(0.0);
-            points.push(spline.first().to_vec());
+            times.insert(0, 0.0);
+            points.insert(0, spline.first().to_vec());
         }
-        for t in spline.times() {
-            spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
-            times.push(delay + slower * t);
-            points.push(state[0].clone());
-        }
-        // To the last bit, as that makes a rest: where a cubic ends is its last knot but for rounding.
-        points[usize::from(delay > 0.0)].copy_from_slice(spline.first());
-        points.last_mut()?.copy_from_slice(spline.last());
         JointSpline::new(&times, &points).ok()
     }
 

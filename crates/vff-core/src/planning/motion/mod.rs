@@ -9,6 +9,7 @@ mod curve;
 mod free_space;
 mod goals;
 mod in_time;
+mod knots;
 mod levers;
 mod margins;
 mod own_room;

@@ -3,6 +3,7 @@
 use super::straight::{Short, Way};
 use super::why::Place;
 use super::*;
+use crate::world::PairMargin;
 
 /// Where the random numbers of planning come from.
 pub(super) const STREAM: u64 = 7;
@@ -16,6 +17,9 @@ const TRIAL: usize = 32;
 const PATIENCE: usize = 50;
 /// How often another path is searched where no smooth motion was found near the last ones.
 const AGAIN: usize = 4;
+/// In parts in which a joint goes no farther \[rad or m\], and in so many at most, a piece is looked at for what it keeps.
+const PART: f64 = 0.045;
+const MOST_PARTS: f64 = 2.0;
 /// More than this is not said to be kept \[m\].
 const MOST_KEPT: f64 = 0.3;
 
@@ -46,6 +50,9 @@ pub(super) enum Aim<'g, P> {
 
 /// A motion, and what each link is certain to keep at its knots \[m\], and of margins of their own.
 pub(super) type Certified = (JointSpline, [Vec<Vec<f64>>; 2]);
+
+/// How far a link is from what has a margin of its own \[m\].
+type Room = (usize, PairMargin, f64);
 
 /// The range of joint `i`, infinite where it has no limits.
 pub(in crate::planning) fn ranges_of(limits: &Limits, i: usize) -> [f64; 2] {
@@ -325,6 +332,42 @@ where
         }
     }
 
+    /// How far each link is at least from what it keeps the usual margin of between two instants of `spline`, but for how far that is off its
+    /// chords, and from what has margins of their own \[m\]: from what is measured in the middle of each part in which no joint goes
+    /// farther than [`PART`]. `work` has three configurations.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "up to 4")]
+    fn room_along(
+        &mut self,
+        spline: &JointSpline,
+        [from, to]: [f64; 2],
+        work: &mut [[Vec<f64>; 3]; 3],
+    ) -> (Vec<f64>, Vec<Room>) {
+        let n = self.start.len();
+        let [begin, middle, end] = work;
+        spline.at(from, begin.each_mut().map(Vec::as_mut_slice));
+        spline.at(to, end.each_mut().map(Vec::as_mut_slice));
+        let goes = begin[0].iter().zip(&end[0]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let parts = (goes / PART).ceil().clamp(1.0, MOST_PARTS) as u32;
+        let step = (to - from) / f64::from(parts);
+        let (mut room, mut own) = (vec![MOST_KEPT; n], vec![]);
+        for k in 0..parts {
+            let t = from + step * f64::from(k);
+            spline.at(t + 0.5 * step, middle.each_mut().map(Vec::as_mut_slice));
+            spline.at(t + step, end.each_mut().map(Vec::as_mut_slice));
+            let ends = [&begin[0], &end[0]];
+            let way = |link: usize| ends.map(|end| self.space.way([&middle[0], end], link));
+            let ways: Vec<f64> = (0..n).map(way).map(|[a, b]| a.max(b)).collect();
+            let each = self.space.usual_room_at_least(&middle[0], MOST_KEPT, |link, margin, d| {
+                own.push((link, margin, d - ways[link]));
+            });
+            for (room, (each, way)) in room.iter_mut().zip(each.iter().zip(&ways)) {
+                *room = room.min(each - way);
+            }
+            std::mem::swap(begin, end);
+        }
+        (room, own)
+    }
+
     /// What each link is certain to keep between each knot and the next, the smaller of what is said at both \[m\], one row
     /// for each knot, and which share of margins of their own; none where `spline` is not free. Whether it has to be so `in_time`, where
     /// what moves counts in time.
@@ -337,6 +380,7 @@ where
         let rest = vec![0.0; n];
         let mut states = [[0; 3].map(|_| vec![0.0; n]), [0; 3].map(|_| vec![0.0; n])];
         let mut middle = [0; 3].map(|_| vec![0.0; n]);
+        let mut work = [0; 3].map(|_| [0; 3].map(|_| vec![0.0; n]));
         let margins = self.space.margins.clone();
         let mut pieces: [Vec<Vec<f64>>; 2] = [vec![], vec![]];
         let times = spline.times().to_vec();
@@ -347,11 +391,11 @@ where
             spline.at(pair[1], states[1].each_mut().map(Vec::as_mut_slice));
             spline.at(pair[0] + 0.5 * h, middle.each_mut().map(Vec::as_mut_slice));
             let [[a, _, first], [b, _, second]] = &states;
-            // A cubic is no farther than this from its chord, here one of half of the time.
             self.space.show(in_time.then_some([pair[0], pair[1]]));
-            let bulge: Vec<f64> = (0..n)
-                .map(|i| first[i].abs().max(second[i].abs()) * (0.5 * h).powi(2) / 8.0)
-                .collect();
+            // A cubic is no farther than this from its chord, here one of half of the time; a rest is one.
+            let half = if a == b { 0.0 } else { 0.5 * h };
+            let bulge: Vec<f64> =
+                (0..n).map(|i| first[i].abs().max(second[i].abs()) * half.powi(2) / 8.0).collect();
             let (turns, carried) = (bulge.iter().sum(), self.space.way_of_tip([&rest, &bulge]));
             let bulges: Vec<f64> =
                 (0..n).map(|link| self.space.way([&rest, &bulge], link)).collect();
@@ -368,16 +412,10 @@ where
             if !is_free {
                 return None;
             }
-            // What is measured in the middle says more, where there is more room than was asked for.
-            let mut own = vec![];
-            let room =
-                self.space.usual_room_at_least(&middle[0], MOST_KEPT, |link, margin, distance| {
-                    own.push((link, margin, distance));
-                });
+            // What is measured on the way says more, where there is more room than was asked for.
+            let (room, own) = self.room_along(spline, [pair[0], pair[1]], &mut work);
             let space = &self.space;
             let certain = |link: usize, kept: f64, measured: f64| {
-                let way = [a, b].map(|end| space.way([&middle[0], end], link));
-                let measured = measured - way[0].max(way[1]);
                 (space.certain(kept + bulges[link]).max(measured) - bulges[link]).max(0.0)
             };
             let usual = (0..n).map(|link| certain(link, kept[link], room[link]));

@@ -60,6 +60,12 @@ where
             plan.ddq.extend_from_slice(&state[2]);
         }
         plan.clearance = self.clearance_of(&spline, &margins);
+        if let Some(known) = self.space.course() {
+            let [_, end] = spline.span();
+            self.space.show(Some([end, end.max(known)]));
+            let held = self.space.clearance_within(spline.last(), plan.clearance);
+            plan.clearance = plan.clearance.min(held);
+        }
         let mut through: Option<(f64, [String; 2], f64)> = None;
         // How far off each is at most where it has to point, whether by more than it may be, and from when on by no more.
         let mut off = vec![(0.0_f64, false, None); self.space.pointings.len()];

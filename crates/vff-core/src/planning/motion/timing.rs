@@ -142,14 +142,27 @@ where
             Err(Stop::Slow(duration)) => return Err(too_slow(duration)),
         };
         let mut state = [0; 3].map(|_| vec![0.0; n]);
-        for refinement in 0..=REFINEMENTS {
+        // With as few knots as it needs first, then with all of them, then with more.
+        for (refinement, is_sparse) in
+            std::iter::once((0, true)).chain((0..=REFINEMENTS).map(|finer| (finer, false)))
+        {
             let step = STEP / f64::from(1 << refinement);
-            let knots = (law.duration() / step).ceil().max(2.0) as u32;
-            let mut points = vec![];
-            for k in 0..=knots {
-                let share = f64::from(k) / f64::from(knots);
+            let count = (law.duration() / step).ceil().max(2.0) as u32;
+            let mut instants: Vec<f64> =
+                (0..=count).map(|k| f64::from(k) / f64::from(count)).collect();
+            let mut points: Vec<Vec<f64>> = vec![];
+            for share in &instants {
                 curve.at(law.at(law.duration() * share), &mut state);
                 points.push(state[0].clone());
+            }
+            if is_sparse {
+                let step = law.duration() / f64::from(count);
+                let needed = knots::needed(&points, step, &bounds.speed);
+                if needed.len() == points.len() {
+                    continue;
+                }
+                points = needed.iter().map(|k| std::mem::take(&mut points[*k])).collect();
+                instants = needed.iter().map(|k| instants[*k]).collect();
             }
             // To the last bit, of a motion that leads nowhere everywhere.
             let last = points.len() - 1;
@@ -163,14 +176,13 @@ where
             let (mut stretch, mut inset) = (1.0, 0);
             for _ in 0..8 {
                 let duration = stretch * law.duration();
-                let times: Vec<f64> =
-                    (0..=knots).map(|k| duration * f64::from(k) / f64::from(knots)).collect();
+                let times: Vec<f64> = instants.iter().map(|share| duration * share).collect();
                 let Ok(spline) = JointSpline::new(&times, &points) else {
                     return Ok(Err(self.too_tight()));
                 };
                 let peaks = spline.peaks();
                 let jerked = over_jerk(&peaks, &bounds);
-                let [over, rushed] = match self.excess(&spline, &peaks, &bounds, knots) {
+                let [over, rushed] = match self.excess(&spline, &peaks, &bounds) {
                     Ok(over) => over,
                     Err(heavy) => return Ok(Err(self.too_heavy(heavy))),
                 };
@@ -241,7 +253,6 @@ where
         spline: &JointSpline,
         peaks: &Peaks,
         bounds: &Bounds,
-        knots: u32,
     ) -> Result<[f64; 2], Heavy> {
         let n = self.start.len();
         let mut state = [0; 3].map(|_| vec![0.0; n]);
@@ -254,15 +265,18 @@ where
         if !is_checked {
             return Ok([most, 1.0]);
         }
-        let checks = CHECKS * knots;
         let adds_gravity = self.command.gravity == Gravity::Controller;
-        let [_, end] = spline.span();
+        let times = spline.times().windows(2).flat_map(|pair| {
+            let [from, step] = [pair[0], (pair[1] - pair[0]) / f64::from(CHECKS)];
+            (1..=CHECKS).map(move |k| (from + step * f64::from(k), step))
+        });
+        let times = std::iter::once((spline.times()[0], 1.0)).chain(times).enumerate();
         let (mut gravity, mut before, mut longer) = (vec![0.0; n], vec![[0.0; 2]; n], 1.0_f64);
         let mut rates = vec![[[0.0; 2]; CHECKS as usize]; n];
-        let mut tip = [[0.0; 3]; 2];
-        for k in 0..=checks {
+        let (mut tip, mut steps) = ([[0.0; 3]; 2], [1.0; 2]);
+        for (k, (t, step)) in times {
             interrupt::checkpoint(64 * n);
-            let t = end * f64::from(k) / f64::from(checks);
+            steps = [steps[1], step];
             spline.at(t, state.each_mut().map(Vec::as_mut_slice));
             let [q, dq, ddq] = &state;
             let robot = self.space.robot();
@@ -286,17 +300,16 @@ where
                     let last = &mut tip[part];
                     last.rotate_left(1);
                     last[2] = goes[part] / limit;
-                    most = most.max(between(last).powi(2));
+                    most = most.max(between(last, steps).powi(2));
                 }
             }
             for (i, limit) in bounds.rate.iter().enumerate() {
                 let now = [torque[i] - gravity[i], if adds_gravity { gravity[i] } else { 0.0 }];
-                let step = f64::from(checks) / end;
                 rates[i].rotate_left(1);
                 rates[i][CHECKS as usize - 1] =
-                    [0, 1].map(|part| (now[part] - before[i][part]) * step);
+                    [0, 1].map(|part| (now[part] - before[i][part]) / step);
                 before[i] = now;
-                if k > 0 && k % CHECKS == 0 {
+                if k > 0 && k % CHECKS as usize == 0 {
                     for change in throughout(&rates[i]) {
                         longer = longer.max(slower(change, *limit, longer));
                     }
@@ -307,10 +320,13 @@ where
     }
 }
 
-/// The most that a quantity comes to about three samples of it, by the parabola through them where the one in the middle is the largest.
-fn between([a, b, c]: &[f64; 3]) -> f64 {
-    let (slope, bend) = (0.5 * (c - a), 2.0 * b - a - c);
-    let top = if b >= a && b >= c && bend > 0.0 { b + 0.5 * slope * slope / bend } else { *b };
+/// The most that a quantity comes to about three samples of it, so far apart, by the parabola through them where the one in the middle is
+/// the largest.
+fn between([a, b, c]: &[f64; 3], [first, second]: [f64; 2]) -> f64 {
+    let [rise, fall] = [(b - a) / first, (c - b) / second];
+    let bend = (rise - fall) / (first + second);
+    let slope = (rise * second + fall * first) / (first + second);
+    let top = if b >= a && b >= c && bend > 0.0 { b + 0.25 * slope * slope / bend } else { *b };
     top.max(*c)
 }
 

@@ -80,6 +80,8 @@ pub struct Reading {
 
 /// What a joint is taken to do where others have limits and it has none: more than any robot \[rad/s, m/s\], \[N·m, N\].
 const UNLIMITED: [f64; 2] = [100.0, 1e5];
+/// A stop beyond this is none \[rad or m\].
+const FAR: f64 = 1e9;
 
 /// A form of the file on a link of the arm.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -279,6 +281,9 @@ impl Tree {
                 return Err(UrdfError::MimicOnChain { joint, driver });
             }
             let [lower, upper] = joint.limits.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            // So far away stands for nowhere.
+            let lower = if lower <= -FAR { f64::NEG_INFINITY } else { lower };
+            let upper = if upper >= FAR { f64::INFINITY } else { upper };
             if lower >= upper {
                 return Err(UrdfError::NoRoom { joint: joint.name.clone(), lower, upper });
             }

@@ -16,24 +16,62 @@ pub const MAX_NODES: u32 = 500_000;
 /// The most attributes of an element: the parser compares them with each other.
 pub const MAX_ATTRIBUTES: usize = 1000;
 
-/// XML without a document type.
-pub(super) fn document(format: Xml, text: &str) -> Result<Document<'_>, UrdfError> {
+/// The most prefixes that are declared for a document which does not do so itself.
+const MAX_PREFIXES: usize = 16;
+
+/// Reads XML without a document type. Prefixes that it uses and does not declare are, as other readers of URDF take no offence at them.
+pub(super) fn with_document<T>(
+    format: Xml,
+    text: &str,
+    read: impl Fn(&Document<'_>) -> Result<T, UrdfError>,
+) -> Result<T, UrdfError> {
     if text.len() > MAX_BYTES {
         return Err(UrdfError::TooLong { format, given: text.len() });
     }
     if is_crowded(text) {
         return Err(UrdfError::TooManyAttributes(format));
     }
+    attempt(format, text.trim_start_matches('\u{feff}').trim_start(), MAX_PREFIXES, &read)
+}
+
+/// The same, with so many prefixes declared at most.
+fn attempt<T>(
+    format: Xml,
+    text: &str,
+    prefixes: usize,
+    read: &impl Fn(&Document<'_>) -> Result<T, UrdfError>,
+) -> Result<T, UrdfError> {
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text.trim_start_matches('\u{feff}').trim_start(), options).map_err(
-        |error| match error {
-            roxmltree::Error::DtdDetected | roxmltree::Error::UnknownEntityReference(..) => {
-                UrdfError::Entities(format)
+    match Document::parse_with_options(text, options) {
+        Ok(document) => read(&document),
+        Err(roxmltree::Error::DtdDetected | roxmltree::Error::UnknownEntityReference(..)) => {
+            Err(UrdfError::Entities(format))
+        }
+        Err(roxmltree::Error::NodesLimitReached) => Err(UrdfError::TooManyElements(format)),
+        Err(error) => match (&error, root_name_end(text)) {
+            (roxmltree::Error::UnknownNamespace(prefix, _), Some(end)) if prefixes > 0 => {
+                let (root, rest) = text.split_at(end);
+                let declared = format!("{root} xmlns:{prefix}=\"undeclared:{prefix}\"{rest}");
+                attempt(format, &declared, prefixes - 1, read)
             }
-            roxmltree::Error::NodesLimitReached => UrdfError::TooManyElements(format),
-            error => UrdfError::Malformed { format, message: error.to_string() },
+            _ => Err(UrdfError::Malformed { format, message: error.to_string() }),
         },
-    )
+    }
+}
+
+/// Where the name of the root element ends.
+fn root_name_end(text: &str) -> Option<usize> {
+    let mut at = text.find('<')?;
+    loop {
+        let rest = &text[at..];
+        let skipped =
+            [("<!--", "-->"), ("<?", "?>")].iter().find(|(open, _)| rest.starts_with(open));
+        let Some((_, close)) = skipped else {
+            return Some(at + rest.find(|c: char| c.is_whitespace() || c == '/' || c == '>')?);
+        };
+        let after = at + rest.find(close)?;
+        at = after + text[after..].find('<')?;
+    }
 }
 
 /// Whether an element has more attributes than are read.
@@ -82,8 +120,11 @@ pub(super) fn robot<'a, 'i>(document: &'a Document<'i>) -> Result<Node<'a, 'i>, 
 /// # Errors
 /// [`UrdfError`] for text that is no URDF, and for values that make no sense by themselves.
 pub fn parse(text: &str) -> Result<Tree, UrdfError> {
-    let document = document(Xml::Urdf, text)?;
-    let robot = robot(&document)?;
+    with_document(Xml::Urdf, text, tree_of)
+}
+
+fn tree_of(document: &Document<'_>) -> Result<Tree, UrdfError> {
+    let robot = robot(document)?;
     let mut tree =
         Tree { name: robot.attribute("name").unwrap_or_default().into(), ..Tree::default() };
     for node in robot.children().filter(Node::is_element) {
@@ -99,6 +140,15 @@ pub fn parse(text: &str) -> Result<Tree, UrdfError> {
         }
     }
     tree.warnings = odd(robot);
+    let empty: Vec<_> = robot
+        .children()
+        .filter(|node| node.has_tag_name("link") && collisions(*node).any(is_empty))
+        .filter_map(|node| node.attribute("name"))
+        .collect();
+    if !empty.is_empty() {
+        tree.warnings
+            .push(format!("a collision shape of {} has no size and is left out", list(&empty)));
+    }
     Ok(tree)
 }
 
@@ -278,7 +328,7 @@ fn link(node: Node<'_, '_>) -> Result<Link, UrdfError> {
         link.com = body.com.into();
         link.inertia = inertia::six(&body.inertia);
     }
-    for (i, collision) in node.children().filter(|n| n.has_tag_name("collision")).enumerate() {
+    for (i, collision) in collisions(node).enumerate().filter(|(_, it)| !is_empty(*it)) {
         let place = format!("{place}, <collision> {}", i + 1);
         let geometry = needed(collision, "geometry", &place)?;
         let form = form(geometry, &place)?;
@@ -286,6 +336,26 @@ fn link(node: Node<'_, '_>) -> Result<Link, UrdfError> {
         link.geometry.push(Geometry { link: link.name.clone(), frame, form });
     }
     Ok(link)
+}
+
+/// The collision shapes of a link.
+fn collisions<'a, 'i>(link: Node<'a, 'i>) -> impl Iterator<Item = Node<'a, 'i>> {
+    link.children().filter(|node| node.has_tag_name("collision"))
+}
+
+/// Whether a shape is a point, as stands for none.
+fn is_empty(collision: Node<'_, '_>) -> bool {
+    let form = child(collision, "geometry").and_then(|it| it.children().find(Node::is_element));
+    let is_nothing = |form: Node<'_, '_>| {
+        let zero = |key: &str| number(form, key, "").is_ok_and(|x| x == Some(0.0));
+        match form.tag_name().name() {
+            "box" => numbers::<3>(form, "size", "").is_ok_and(|size| size == Some([0.0; 3])),
+            "sphere" => zero("radius"),
+            "cylinder" | "capsule" => zero("radius") && zero("length"),
+            _ => false,
+        }
+    };
+    form.is_some_and(is_nothing)
 }
 
 fn form(geometry: Node<'_, '_>, place: &str) -> Result<Form, UrdfError> {

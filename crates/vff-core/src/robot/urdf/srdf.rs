@@ -1,15 +1,19 @@
 //! Which pairs of links an SRDF switches off.
 
-use super::parse::{document, robot};
+use super::parse::{robot, with_document};
 use super::{UrdfError, Xml};
+use roxmltree::Document;
 
 /// The `<disable_collisions>` of an SRDF.
 ///
 /// # Errors
 /// [`UrdfError`] for text that is no SRDF.
 pub fn disabled_pairs(text: &str) -> Result<Vec<[String; 2]>, UrdfError> {
-    let document = document(Xml::Srdf, text)?;
-    let robot = robot(&document)?;
+    with_document(Xml::Srdf, text, pairs_of)
+}
+
+fn pairs_of(document: &Document<'_>) -> Result<Vec<[String; 2]>, UrdfError> {
+    let robot = robot(document)?;
     if robot.children().any(|n| n.has_tag_name("link")) {
         return Err(UrdfError::NotAnSrdf);
     }
