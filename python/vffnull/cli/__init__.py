@@ -89,9 +89,8 @@ def main() -> NoReturn:
         code = WRONG_INPUT
     if code == INTERRUPTED and came:
         code = ENDED_BY + came[0]
-    if (
-        code is not None and code > ENDED_BY and threading.active_count() > 1
-    ):  # nobody needs what they compute
+    is_ended = code is not None and code > ENDED_BY
+    if is_ended and threading.active_count() > 1:  # nobody needs what they compute
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -71,9 +71,8 @@ def _plain(value: object, path: str) -> Any:
         return _plain(value.to_dict(), path)
     if isinstance(value, Mapping):
         return _mapping(value, path)
-    if isinstance(value, Iterable) and not isinstance(
-        value, bytes | bytearray
-    ):  # no numbers, though these are
+    are_numbers = not isinstance(value, bytes | bytearray)  # though one by one they are
+    if isinstance(value, Iterable) and are_numbers:
         return _sequence(value, path)
     where = f"{path}: " if path else ""
     raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")

@@ -79,6 +79,21 @@ pub fn smoothstep(s: f64) -> f64 {
     s * s * (3.0 - 2.0 * s)
 }
 
+/// What has passed of a time that comes to rest within `duration` \[s\], `t` \[s\] after it began to, its rate and how that changes: 1 − 3u² + 2u³
+/// from the beginning to the end, where half of it has passed, and 1 before.
+#[inline]
+pub fn coming_to_rest(t: f64, duration: f64) -> [f64; 3] {
+    if t <= 0.0 {
+        return [t, 1.0, 0.0];
+    }
+    let u = (t / duration).min(1.0);
+    [
+        duration * u * (1.0 - u * u * (1.0 - 0.5 * u)),
+        1.0 - smoothstep(u),
+        -6.0 * u * (1.0 - u) / duration,
+    ]
+}
+
 /// The share of a step that a lag of this `rate` \[1/s\] takes in `elapsed` \[s\]: 1 − exp(−rate · elapsed).
 #[inline]
 pub fn lag_share(rate: f64, elapsed: f64) -> f64 {

@@ -12,10 +12,11 @@ use super::motion::{
     Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, leads_upright, pointings,
     ranges_of,
 };
+use crate::control::output::unwrap;
 use crate::control::{MotionLimits, SelfCollision, speed_shares};
 use crate::interrupt::{self, Watch};
 use crate::inverse_kinematics::Solver;
-use crate::math::{Pose, ScalarOrVec, Vector, short_way, whole_turns};
+use crate::math::{Pose, ScalarOrVec, Vector, short_way};
 use crate::planned_reference::follow_plan;
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
@@ -210,11 +211,8 @@ where
     /// Where the joints are, those that turn without an end in the turn of what is followed \[rad or m\]: a plan takes its place.
     fn in_turn(&self, moment: &Moment<'_, S, D, M>) -> Vec<f64> {
         let mut start = moment.q.to_vec();
-        for (i, (q, (planned, _))) in start.iter_mut().zip(moment.posture).enumerate() {
-            if self.endless[i] {
-                *q -= whole_turns(*q - planned);
-            }
-        }
+        let planned: Vec<f64> = moment.posture.iter().map(|(planned, _)| *planned).collect();
+        unwrap(&mut start, &planned, &self.endless);
         start
     }
 

@@ -220,6 +220,16 @@ impl JointSpline {
         &self.times
     }
 
+    /// Where it is at its knots, the last one but for rounding \[rad or m\].
+    pub(crate) fn points(&self) -> Vec<Vec<f64>> {
+        let mut state = [0; 3].map(|_| vec![0.0; self.n]);
+        let mut at = |t: &f64| {
+            self.on_spline(*t, state.each_mut().map(Vec::as_mut_slice));
+            state[0].clone()
+        };
+        self.times.iter().map(&mut at).collect()
+    }
+
     /// When it starts and when it ends \[s\].
     pub fn span(&self) -> [f64; 2] {
         [self.times[0], self.times[self.times.len() - 1]]

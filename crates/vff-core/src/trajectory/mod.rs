@@ -26,7 +26,7 @@ pub use kept::KeptMargins;
 pub use plane::Reference;
 pub use space::SpatialReference;
 
-use crate::math::{Pose, Vector, smoothstep};
+use crate::math::{Pose, Vector, coming_to_rest};
 use std::fmt::Debug;
 use taking_over::Remainder;
 
@@ -67,10 +67,8 @@ impl<P: Pose<M>, const M: usize> Sample<P, M> {
     #[must_use]
     pub fn coasting(&self, since: f64, patience: f64) -> Self {
         // Path time σ with its derivatives.
-        let u = ((since - patience) / patience).clamp(0.0, 1.0);
-        let late = patience * u * (1.0 - u * u * (1.0 - 0.5 * u));
-        let sigma = since.clamp(0.0, patience) + late;
-        let [slope, bend] = [1.0 - smoothstep(u), -6.0 * u * (1.0 - u) / patience];
+        let [late, slope, bend] = coming_to_rest(since - patience, patience);
+        let sigma = since.clamp(0.0, patience) + late.max(0.0);
         let rate = self.dx + self.ddx * sigma;
         Self {
             x: self.x.moved(&(self.dx * sigma + self.ddx * (0.5 * sigma * sigma))),

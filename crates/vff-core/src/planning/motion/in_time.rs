@@ -59,28 +59,21 @@ where
 
 /// The motion, with a rest after it until so long after its beginning \[s\]; None if it lasts as long.
 fn held_until(spline: &JointSpline, time: f64) -> Option<JointSpline> {
-    let (mut times, mut points) = knots_of(spline);
     if spline.span()[1] >= time {
         return None;
     }
+    let (mut times, mut points) = (spline.times().to_vec(), points_of(spline));
     times.push(time);
     points.push(spline.last().to_vec());
     JointSpline::new(&times, &points).ok()
 }
 
-/// When and where the knots of a motion are, rests to the last bit, as that makes them: where a cubic ends is its last knot but for
-/// rounding.
-fn knots_of(spline: &JointSpline) -> (Vec<f64>, Vec<Vec<f64>>) {
-    let mut state = [0; 3].map(|_| vec![0.0; spline.dof()]);
-    let mut at = |t: &f64| {
-        spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
-        state[0].clone()
-    };
-    let mut points: Vec<Vec<f64>> = spline.times().iter().map(&mut at).collect();
+/// Where a motion is at its knots, at its end to the last bit, as that makes a rest of what follows \[rad or m\].
+fn points_of(spline: &JointSpline) -> Vec<Vec<f64>> {
+    let mut points = spline.points();
     let last = points.len() - 1;
-    points[0].copy_from_slice(spline.first());
     points[last].copy_from_slice(spline.last());
-    (spline.times().to_vec(), points)
+    points
 }
 
 /// When a motion begins \[s\], and how many times as long it takes.
@@ -94,8 +87,8 @@ impl Timing {
     /// The motion, with a rest before it.
     fn of(self, spline: &JointSpline) -> Option<JointSpline> {
         let Self { delay, slower } = self;
-        let (mut times, mut points) = knots_of(spline);
-        times.iter_mut().for_each(|t| *t = delay + slower * *t);
+        let mut times: Vec<f64> = spline.times().iter().map(|t| delay + slower * t).collect();
+        let mut points = points_of(spline);
         if delay > 0.0 {
             times.insert(0, 0.0);
             points.insert(0, spline.first().to_vec());

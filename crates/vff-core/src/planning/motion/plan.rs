@@ -145,7 +145,8 @@ pub struct Plan {
     pub tilt: Option<f64>,
     /// The same of how far off its axis it has the point that it keeps in view.
     pub view: Option<f64>,
-    /// When it has to begin \[s\], if it keeps from what moves only when that passes; None if it may begin at any time.
+    /// When it has to begin \[s\], if it keeps from what moves only when that passes; None if it keeps from all places that are passed within
+    /// the horizon.
     pub begins: Option<f64>,
     /// What is left to a goal \[rad\]; of one out of reach \[m\]; 0 if it was found.
     pub gap: f64,

@@ -335,7 +335,7 @@ where
     /// How far each link is at least from what it keeps the usual margin of between two instants of `spline`, but for how far that is off its
     /// chords, and from what has margins of their own \[m\]: from what is measured in the middle of each part in which no joint goes
     /// farther than [`PART`]. `work` has three configurations.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "up to 4")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "up to 2")]
     fn room_along(
         &mut self,
         spline: &JointSpline,

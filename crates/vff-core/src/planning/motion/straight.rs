@@ -167,16 +167,8 @@ where
 
 /// Both motions, one after the other, with a rest between them.
 fn then((a, [margins, shares]): Certified, (b, [more, and_more]): Certified) -> Certified {
-    let n = a.first().len();
     let [_, end] = a.span();
-    let mut state = [0; 3].map(|_| vec![0.0; n]);
-    let mut points: Vec<Vec<f64>> = vec![];
-    for spline in [&a, &b] {
-        points.extend(spline.times().iter().map(|t| {
-            spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
-            state[0].clone()
-        }));
-    }
+    let mut points = [a.points(), b.points()].concat();
     // Both to the last bit, as that makes it a rest: where a cubic ends is its last knot but for rounding.
     let meet = a.times().len();
     points[meet - 1..=meet].fill(a.last().to_vec());

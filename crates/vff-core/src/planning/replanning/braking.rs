@@ -5,7 +5,7 @@ use super::super::motion::STEP;
 use super::change::place_at;
 use crate::control::MotionLimits;
 use crate::interrupt;
-use crate::math::smoothstep;
+use crate::math::coming_to_rest;
 use crate::trajectory::JointSpline;
 
 /// So much of the plan as it was stands before, so that the motion has its velocity where it begins \[s\].
@@ -65,17 +65,10 @@ impl Braking {
         Some(this)
     }
 
-    /// The path time σ \[s\], its rate and that of the rate, so long after the start \[s\]: the rate falls from 1 to 0 as 1 − 3u² + 2u³.
+    /// The path time σ \[s\], its rate and that of the rate, so long after the start \[s\].
     fn clock(&self, t: f64) -> (f64, f64, f64) {
-        if t <= 0.0 {
-            return (self.start + t, 1.0, 0.0);
-        }
-        let u = (t / self.duration).min(1.0);
-        (
-            self.start + self.duration * u * (1.0 - u * u * (1.0 - 0.5 * u)),
-            1.0 - smoothstep(u),
-            -6.0 * u * (1.0 - u) / self.duration,
-        )
+        let [passed, rate, change] = coming_to_rest(t, self.duration);
+        (self.start + passed, rate, change)
     }
 
     /// Whether the joints are able to.

@@ -30,8 +30,7 @@ use super::controller::{AnyController, Reading, SuccessionError};
 use super::fault::guarded;
 use super::virtual_arm::{Course, VirtualArm};
 use crate::control::LeftOut;
-use crate::control::output::{Clock, Phase};
-use crate::math::whole_turns;
+use crate::control::output::{Clock, Phase, unwrap};
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use doubts::Doubts;
@@ -529,10 +528,8 @@ impl Inner {
         // What somebody gives takes the place of a plan.
         match controller.planned().filter(|_| given.is_none()) {
             Some(planned) => {
-                let each = planned.iter().zip(q).zip(endless);
-                for (place, ((planned, q), endless)) in rest.iter_mut().zip(each) {
-                    *place = planned - if *endless { whole_turns(planned - *q) } else { 0.0 };
-                }
+                rest.copy_from_slice(planned);
+                unwrap(rest, q, endless);
             }
             None => rest.fill(f64::NAN),
         }
